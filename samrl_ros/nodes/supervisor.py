@@ -16,7 +16,7 @@ from samrl_core.cell.robots.robot import ROLES
 from samrl_core.cell.tasks import DEFAULT_TASK, task_named
 from samrl_core.common.errors import InputError
 from samrl_core.policy.agent.loop import LoopSettings, LoopState, stage_after_update
-from samrl_core.policy.contact.insertion import BOTTOM
+from samrl_core.policy.contact.insertion import BOTTOM, FORCED, INSIDE
 from samrl_ros.contract.behaviour import Behaviour, Outbox
 from samrl_ros.contract.outcomes import TARGET_LOST
 from samrl_ros.contract.settings import OUTLASTS_STOPS, setting
@@ -32,6 +32,7 @@ WATCH = cell_topic("node_watch")
 TOOL_JOINTS = arm_topic("tool_arm", "joint_states")
 STATUS = {arm_topic(role, "motion_status"): role for role in ROLES}
 START_EPISODE = cell_topic("sim_bridge/start_episode")
+PRESSED = "pressed too hard"  # reason of an outcome: the joints felt more force than the task allows
 UNDER_WAY = ("update", "view", "camera", "act")  # what an episode waits for
 ANSWERS = {"update": "model_updater", "view": "view_planner", "act": "policy"}  # who, by stage
 REMEMBERS = "model_updater"  # its belief dies with it: an episode cannot go on with another one
@@ -121,6 +122,7 @@ class Supervisor(Behaviour):
         self._tip = np.zeros(3)
         self._sigma = float("nan")
         self._successes = 0
+        self._inside = False  # whether the last action followed a hole by touch
         self._insists = False  # on an action: its node came back and may not have heard
         self._again = 0  # motions of this episode that were given up and begun anew
         self._standstill = Standstill()
@@ -150,8 +152,10 @@ class Supervisor(Behaviour):
             self._on_status(STATUS[topic], message)
         elif topic == EXECUTED and self._due("act", message):
             self._state = self._state.acted()
-            if self._settings.heed_touch and message.sub_goal == BOTTOM:
-                self._end(True, "done")
+            self._inside = self._settings.heed_touch and message.sub_goal == INSIDE
+            if self._settings.heed_touch and message.sub_goal in (BOTTOM, FORCED):
+                done = message.sub_goal == BOTTOM
+                self._end(done, "done" if done else PRESSED)
             else:
                 self._ask("update")
 
@@ -257,7 +261,7 @@ class Supervisor(Behaviour):
             self._fail(f"the cell is laid out for {message.task!r}, not for {self._task.name!r}")
             return
         self._now_ns = max(self._now_ns, from_message.stamp_ns(message))
-        self._state, self._state_ns, self._again = LoopState(), 0, 0
+        self._state, self._state_ns, self._again, self._inside = LoopState(), 0, 0, False
         self._mark(f"episode {self._episode}")
         if self._standstill.estop:
             self._stop_here()
@@ -271,6 +275,8 @@ class Supervisor(Behaviour):
         self._sigma = float(np.sqrt(np.diag(covariance).max()))
         self._state = self._state.updated(message.why_stopped, message.loss_after)
         stage = stage_after_update(self._task, values, self._tip, self._state, self._loop)
+        if stage == "done" and self._inside and self._state.step < self._loop.max_actions:
+            stage = "act"  # who feels the peg knows its depth better, and how hard it was pressed
         if stage == "again":
             self._state = self._state.confirmed_once()
             self._ask("update")

@@ -186,6 +186,10 @@ class Agent:
         self._feel(observation, self.estimate.values)
         return self._over_surface(self._tip_by_image(observation))
 
+    def pressed_too_hard(self, observation: Observation) -> bool:
+        """Whether joints have felt a larger force in this episode than the task allows: no success then."""
+        return self._touch is not None and self._touch.pressed_too_hard(observation)
+
     def plan_view(self, estimate: Estimate, observation: Observation) -> ViewChoice:
         """Lines 5 to 15: the next view, or to stay; where the arms are is taken from the observation."""
         self._see_tip(observation)

@@ -55,7 +55,7 @@ class Episode:
     steps: tuple[Step, ...]
     last: Observation
     estimate: Estimate  # after the last update
-    ended: Stage  # "done": by the model; truth is for evaluation to ask
+    ended: Stage  # "done": by model and joints; truth is for evaluation to ask
 
 
 def run_episode(
@@ -91,6 +91,8 @@ def run_episode(
                 state = state.view_searched()
                 continue
             stage = "act"
+        if stage == "done" and agent.pressed_too_hard(observation):
+            stage = "forced"
         if stage != "act":
             return Episode(tuple(steps), observation, estimate, stage)
         with watch("act"):

@@ -10,7 +10,8 @@ import numpy as np
 
 from samrl_core.cell.tasks.task import Task
 
-Stage = Literal["view", "act", "again", "done", "action_limit", "lost"]
+# "forced": what the model takes for done, but joints felt more force than the task allows (`run_episode`).
+Stage = Literal["view", "act", "again", "done", "action_limit", "lost", "forced"]
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,11 @@ import numpy as np
 
 from samrl_core.policy.contact.hole_grid import REACH, Forgiveness, HoleGrid
 from samrl_core.policy.contact.tip_sense import TipReading
+from samrl_core.policy.contact.wedge import towards, turning_force
 
 BOTTOM = "bottom"  # name of the move that follows once the peg is in
+INSIDE = "inside"  # of those that follow the hole
+FORCED = "forced"  # the same where it was pressed harder than the task allows
 FREE_MOVES = ("feel", "above", "lowering", "look")  # names of the moves with nothing touched
 Phase = Literal["feel", "above", "lowering", "search", "inside", "inserted"]
 
@@ -58,11 +61,14 @@ class InsertionSettings:
     unaided: float = 0.0035  # so much below the believed mouth it is inside though no touch was felt [m]
     unstopped: float = 0.0025  # the same below a face that was felt [m]
     deep_step: float = 0.004  # inside the hole [m]
-    tight: float = 1.5  # vertical force inside from which on the hole's walls rub [N]
-    tight_step: float = 0.002  # then, as a wedged peg is pressed at its walls by ten times that [m]
+    tight: float = 1.0  # vertical force inside from which on the hole's walls rub [N]
+    tight_step: float = 0.001  # then, as a wedged peg is pressed at its walls by ten times that [m]
+    most_turning: float = 15.0  # sideways force at the tip that turns a peg which leans against its hole [N]
     doubtful: float = 0.010  # so much below a mouth that was never felt it may still be the face [m]
     stuck: float = 5.0  # vertical force that stops it near the mouth: then it is not in the hole [N]
-    jam: float = 14.0  # vertical force inside the hole above which it is let go once [N]
+    jam: float = 4.0  # vertical force inside the hole above which it is let go once [N]
+    # Force of the hole's walls for each newton along its axis: friction of 0.3, of which rest leaves half [-].
+    walls: float = 6.5
     depth: float = 0.0215  # below the mouth where it ends [m]
     spare_depth: float = 0.003  # deeper at most [m]
     forgiveness: Forgiveness = field(default_factory=Forgiveness)
@@ -101,6 +107,9 @@ class Insertion:
     stops: int = 0  # steps down in a row that were stopped
     pressed: bool = False  # whether it has been pressed onto the block
     let_go: bool = False  # whether the last action did
+    hardest: float = 0.0  # force of face and walls at most, by what was felt at rest so far [N]
+    free_moment: np.ndarray = field(default_factory=lambda: np.zeros(3))  # as `free_force`, (3,) [N m]
+    turned_by: np.ndarray = field(default_factory=lambda: np.zeros(2))  # push (2,) that holds it upright [N]
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,23 +121,29 @@ class Move:
     state: Insertion
 
 
-def begin(mouth: Mouth, force: np.ndarray, known: float = InsertionSettings.known) -> Insertion:
-    """Above the hole; `force` (3,) is what is read of a tip that touches nothing [N].
+def begin(mouth: Mouth, free: TipReading, known: float = InsertionSettings.known) -> Insertion:
+    """Above the hole; `free` is what is read of a tip that touches nothing.
 
     A face whose height is not `known` to a standard deviation [m] is felt first.
     """
     phase: Phase = "feel" if mouth.height_deviation > known else "above"
-    return Insertion(phase, mouth, force, mouth.grid)
+    return Insertion(phase, mouth, free.force, mouth.grid, free_moment=free.moment)
 
 
-def looked_again(state: Insertion, mouth: Mouth, force: np.ndarray) -> Insertion:
+def looked_again(state: Insertion, mouth: Mouth, reading: TipReading) -> Insertion:
     """After another image. In contact images count no more, and once the tip is low no reading is free."""
     if state.phase not in ("feel", "above", "lowering"):
         return state
-    free = state.free_force
     if state.phase == "above" and not state.felt_face:
-        free = free + 0.5 * (force - free)
-    return replace(state, mouth=mouth, free_force=free, grid=mouth.grid)
+        state = _freer(state, reading)
+    return replace(state, mouth=mouth, grid=mouth.grid)
+
+
+def _freer(state: Insertion, reading: TipReading) -> Insertion:
+    """After a reading with nothing touched."""
+    force = state.free_force + 0.5 * (reading.force - state.free_force)
+    moment = state.free_moment + 0.5 * (reading.moment - state.free_moment)
+    return replace(state, free_force=force, free_moment=moment)
 
 
 def next_move(state: Insertion, reading: TipReading, settings: InsertionSettings) -> Move:
@@ -151,7 +166,8 @@ def next_move(state: Insertion, reading: TipReading, settings: InsertionSettings
         move = _search(state, reading, pushed, s)
     else:
         move = _follow(state, reading, pushed, s)
-    asked = replace(move.state, height=float(reading.tip[2]), down=-float(move.displacement[2]))
+    felt = max(state.hardest, _force_on_peg(state.phase, pushed, s))
+    asked = replace(move.state, hardest=felt, height=float(reading.tip[2]), down=-float(move.displacement[2]))
     return replace(move, state=asked)
 
 
@@ -170,8 +186,7 @@ def _felt(state: Insertion, reading: TipReading, s: InsertionSettings) -> Insert
         return replace(state, phase="above", mouth=known, touched=height, felt_face=True)
     if height < mouth.height - s.lowest * mouth.height_deviation:
         return replace(state, phase="inside", touched=mouth.height)
-    free = state.free_force
-    return replace(state, free_force=free + 0.5 * (reading.force - free)) if sinks else state
+    return _freer(state, reading) if sinks else state
 
 
 def _feel(state: Insertion, reading: TipReading, s: InsertionSettings) -> Move:
@@ -262,14 +277,32 @@ def _follow(state: Insertion, reading: TipReading, pushed: np.ndarray, s: Insert
         easy = float(pushed[2]) < s.stuck and left > -s.spare_depth
         down = -s.slow_step * np.array([*state.mouth.lean, 1.0])
         return Move(BOTTOM, down if easy else np.zeros(3), state)
-    if pushed[2] > s.jam and not state.let_go:
-        return Move("inside", reading.compliance @ pushed, replace(state, let_go=True))
+    held, twisted = np.zeros(3), state.free_moment - reading.moment
+    if pushed[2] > s.tight:
+        # What it leans against turns it further, the deeper it is: from there on by a force at its end.
+        state = replace(state, turned_by=turning_force(reading, pushed, twisted, s.most_turning))
+    held[:2] = state.turned_by
+    jammed = bool(pushed[2] > s.jam) and not state.let_go
+    state = replace(state, let_go=jammed)
+    if jammed:
+        return Move("inside", towards(reading, pushed, twisted, held), state)
     # As deep again as it is at most: what was taken for the hole and is not stops a short step gently.
     deep = max(s.slow_step, 1.5 * (state.touched - float(reading.tip[2])))
     longest = s.deep_step if pushed[2] < s.tight else s.tight_step
-    step = min(longest, deep, left + 0.0005)
-    down = -step * np.array([*state.mouth.lean, 1.0])
-    return Move("inside", down + _relief(reading, pushed, s), replace(state, let_go=False))
+    down = -min(longest, deep, left + 0.0005) * np.array([*state.mouth.lean, 1.0])
+    if pushed[2] > s.tight:
+        held[2] = pushed[2]
+        return Move("inside", down + towards(reading, pushed, twisted, held), state)
+    return Move("inside", down + _relief(reading, pushed - held, s), state)
+
+
+def _force_on_peg(phase: Phase, pushed: np.ndarray, s: InsertionSettings) -> float:
+    """Sum of the forces [N] with which face or walls push the peg; walls on both sides are felt by friction."""
+    if phase in FREE_MOVES:
+        return 0.0
+    if phase == "search":
+        return float(np.linalg.norm(pushed))
+    return float(np.hypot(np.linalg.norm(pushed[:2]), s.walls * max(float(pushed[2]), 0.0)))
 
 
 def _relief(reading: TipReading, pushed: np.ndarray, s: InsertionSettings) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -19,6 +19,9 @@ class TipReading:
     tip: np.ndarray  # (3,) by the encoders [m]
     force: np.ndarray  # (3,) of the arm on its surroundings, with the sensors' and the load's offset [N]
     compliance: np.ndarray  # (3, 3) displacement of the tip by a force, as the controller is told [m/N]
+    moment: np.ndarray = field(default_factory=lambda: np.zeros(3))  # (3,) the same about the tip [N m]
+    # (3, 6) turn of the tip by a force and a moment, the same [rad/N, rad/(N m)]
+    turning: np.ndarray = field(default_factory=lambda: np.zeros((3, 6)))
 
 
 class TipSense:
@@ -51,5 +54,5 @@ class TipSense:
         jacobian = np.vstack([flange[:3] - cross @ flange[3:], flange[3:]])
         torque = arm.effort - self._arm.gravity(arm.position)
         wrench, *_ = np.linalg.lstsq(jacobian.T, torque, rcond=None)
-        compliance = (jacobian[:3] / self._stiffness) @ jacobian[:3].T
-        return TipReading(position + lever, wrench[:3], compliance)
+        compliance = (jacobian / self._stiffness) @ jacobian.T
+        return TipReading(position + lever, wrench[:3], compliance[:3, :3], wrench[3:], compliance[3:])

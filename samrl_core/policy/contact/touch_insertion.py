@@ -24,6 +24,8 @@ from samrl_core.policy.contact.cell_memory import (
 )
 from samrl_core.policy.contact.hole_grid import REACH
 from samrl_core.policy.contact.insertion import (
+    BOTTOM,
+    FORCED,
     Insertion,
     InsertionSettings,
     Mouth,
@@ -199,15 +201,22 @@ class TouchInsertion:
             height = self._state.touched
         return encoders + np.array([*(estimate.values[:2] - mouth.place), self._task.height - height])
 
+    def pressed_too_hard(self, observation: Observation) -> bool:
+        """Whether what the joints felt in this episode, this reading included, is more than the task allows."""
+        if self._state is None:
+            return False
+        felt = next_move(self._state, self._sense.read(observation.tool_arm), self._settings.insertion)
+        return felt.state.hardest > self._task.force_limit
+
     def move(self, estimate: Estimate, offset: TipOffset, observation: Observation) -> Move:
         """The next action from the estimate, the tip's offset, and the reading that came with the image."""
         s = self._settings
         self.see(estimate, observation, offset)
         reading, mouth = self._sense.read(observation.tool_arm), self.mouth(offset)
         if self._state is None:
-            self._state = begin(mouth, reading.force)
+            self._state = begin(mouth, reading)
         else:
-            self._state = looked_again(self._state, mouth, reading.force)
+            self._state = looked_again(self._state, mouth, reading)
         before = self._state.phase
         move = next_move(self._state, reading, s.insertion)
         spread = float(np.sqrt(np.linalg.eigvalsh(mouth.covariance).max()))
@@ -218,6 +227,8 @@ class TouchInsertion:
         self._learn(move.state, offset, reading.tip)
         if move.name in ("feel", "above"):
             move = self._stepped(move)
+        elif move.name == BOTTOM and move.state.hardest > self._task.force_limit:
+            move = replace(move, name=FORCED)
         self._state = move.state
         return move
 

@@ -19,9 +19,10 @@ from samrl_core.policy.contact.insertion import (
     next_move,
 )
 from samrl_core.policy.contact.tip_sense import TipReading
-from tests.policy.contact.spring_block import FREE_FORCE, SpringBlock
+from tests.policy.contact.spring_block import FREE_FORCE, STIFFNESS, SpringBlock
 
 S = InsertionSettings()
+FREE = TipReading(np.zeros(3), FREE_FORCE, np.eye(3) / STIFFNESS)
 FACE = 0.0404  # 0.4 mm above where it is believed [m]
 HOLE = np.array([0.51, -0.02])
 
@@ -37,9 +38,9 @@ def insert(error: tuple[float, float], most: int = 60, doubt: float = 1.0) -> tu
     state: Insertion | None = None
     moves: list[Move] = []
     while len(moves) < most:
-        force = block.reading.force
-        state = begin(mouth, force) if state is None else looked_again(state, mouth, force)
-        moves.append(next_move(state, block.reading, S))
+        reading = block.reading
+        state = begin(mouth, reading) if state is None else looked_again(state, mouth, reading)
+        moves.append(next_move(state, reading, S))
         state = moves[-1].state
         if state.phase == "inserted":
             break
@@ -96,9 +97,9 @@ def test_who_doubts_finds_sooner_what_lies_further_off() -> None:
 def test_in_contact_images_and_free_forces_count_no_more() -> None:
     _, moves = insert((0.0016, 0.0))
     searching = next(m.state for m in moves if m.state.phase == "search")
-    assert looked_again(searching, mouth_at(HOLE + 0.1), np.zeros(3)) is searching
+    assert looked_again(searching, mouth_at(HOLE + 0.1), FREE) is searching
     lowering = next(m.state for m in moves if m.state.phase == "lowering")
-    again = looked_again(lowering, mouth_at(HOLE), FREE_FORCE + 5.0)
+    again = looked_again(lowering, mouth_at(HOLE), replace(FREE, force=FREE_FORCE + 5.0))
     assert again.free_force is lowering.free_force and np.array_equal(again.mouth.place, HOLE)
 
 
@@ -106,7 +107,7 @@ def test_a_block_taken_for_the_hole_is_searched_again() -> None:
     """Believed 5 mm too high, the face is met where the peg should be inside; then it is not the hole."""
     mouth = Mouth(HOLE + [0.002, 0.0], 1e-6 * np.eye(2), FACE + 0.005, np.zeros(2))
     block = SpringBlock(np.array([*mouth.place, FACE + 0.008]), HOLE, FACE)
-    state, seen = begin(mouth, block.reading.force), []
+    state, seen = begin(mouth, block.reading), []
     for _ in range(40):
         move = next_move(state, block.reading, S)
         state = move.state
@@ -151,11 +152,11 @@ def test_a_face_of_unknown_height_is_felt_beside_the_hole_first(higher: float) -
     face = 0.040 + higher
     mouth = replace(mouth_at(HOLE), height_deviation=0.002, beside=HOLE + [0.012, 0.0])
     block = SpringBlock(np.array([*HOLE, 0.060]), HOLE, face)
-    state, moves = begin(mouth, block.reading.force), []
+    state, moves = begin(mouth, block.reading), []
     for _ in range(60):
         felt = state.mouth if state.felt_face else mouth  # what the memory of a touch makes of it
-        state = looked_again(state, felt, block.reading.force)
-        moves.append(next_move(state, block.reading, S))
+        state = looked_again(state, felt, block.reading)
+        moves.append(next_move(state, reading, S))
         state = moves[-1].state
         if state.phase == "inserted":
             break
@@ -173,7 +174,7 @@ def test_what_rubs_while_it_sinks_is_no_touch() -> None:
     """3 N against the motion, read from the first step down on, stop nothing."""
     mouth = replace(mouth_at(HOLE), height_deviation=0.002, beside=HOLE + [0.012, 0.0])
     tip = np.array([*mouth.beside, 0.0424])
-    state = begin(mouth, FREE_FORCE)
+    state = begin(mouth, FREE)
     for _ in range(3):
         reading = TipReading(tip, FREE_FORCE - [0.0, 0.0, 3.0], np.eye(3) / 1500.0)
         move = next_move(state, reading, S)
@@ -187,7 +188,7 @@ def test_what_rubs_while_it_sinks_is_no_touch() -> None:
 def test_a_sideways_push_is_relieved_level() -> None:
     """A compliance that couples sideways and down does not lead a peg down."""
     mouth = mouth_at(HOLE)
-    inside = replace(begin(mouth, FREE_FORCE), phase="inside", touched=0.040, felt_face=True)
+    inside = replace(begin(mouth, FREE), phase="inside", touched=0.040, felt_face=True)
     coupled = np.array([[1.7, 0.0, -0.9], [0.0, 1.7, 0.0], [-0.9, 0.0, 0.7]]) * 1e-3
     reading = TipReading(np.array([*HOLE, 0.030]), FREE_FORCE + [8.0, 0.0, 0.0], coupled)
     way = next_move(inside, reading, S).displacement
@@ -197,7 +198,7 @@ def test_a_sideways_push_is_relieved_level() -> None:
 def test_who_is_stopped_twice_stands_on_something_whatever_is_read() -> None:
     """Friction in the joints may hide a force, and holds back one step in free air, not two."""
     mouth = mouth_at(HOLE)
-    state = replace(begin(mouth, FREE_FORCE), phase="lowering", height=0.0405, down=S.slow_step)
+    state = replace(begin(mouth, FREE), phase="lowering", height=0.0405, down=S.slow_step)
     reading = TipReading(np.array([*HOLE, 0.0404]), FREE_FORCE, np.eye(3) / 1500.0)
     first = next_move(state, reading, S)
     second = next_move(first.state, reading, S)

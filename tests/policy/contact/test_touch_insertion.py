@@ -20,6 +20,7 @@ from samrl_core.model.real2sim.real2sim import Estimate, initial_estimate
 from samrl_core.model.real2sim.tip_offset import TipOffset
 from samrl_core.policy.agent.settings import AgentSettings
 from samrl_core.policy.contact.insertion import BOTTOM, begin
+from samrl_core.policy.contact.tip_sense import TipReading
 from samrl_core.policy.contact.touch_insertion import TouchInsertion, TouchSettings, require_peg
 from samrl_core.studies.episodes.world_plant import WorldPlant
 
@@ -148,7 +149,8 @@ def test_what_is_deep_below_a_felt_face_is_in_the_hole_wherever_images_have_that
     touch.see(wrong, sight(0), offset_of(0.0, 0.0))
     mouth, face = touch.mouth(offset_of(0.0, 0.0)), 0.043
     assert np.linalg.norm(mouth.lean) <= 2.0 * TASK.tilt + 1e-9
-    state = replace(begin(mouth, np.zeros(3)), phase="inside", touched=face, felt_face=True)
+    free = TipReading(np.zeros(3), np.zeros(3), np.eye(3))
+    state = replace(begin(mouth, free), phase="inside", touched=face, felt_face=True)
     for deep, done in ((0.020, False), (0.022, True)):
         touch._state = state
         tip = touch.tip(np.array([0.518, 0.0, face - deep]), wrong, offset_of(0.0, 0.0))

@@ -116,7 +116,7 @@ def test_all_defaults_as_a_parameter_file_change_nothing(tmp_path: Path) -> None
     for name, params in (("with", file), ("without", None)):
         options = CellOptions(task="peg_insertion", episodes=3, seed=4, out=tmp_path / name, params=params)
         runs[name] = yaml.safe_load(prepare(options).read_text())
-    assert runs["with"]["/cell/manipulator"]["ros__parameters"]["leash"] == 0.01
+    assert runs["with"]["/cell/manipulator"]["ros__parameters"]["leash"] == 0.02
     assert {body["ros__parameters"]["cell"] for body in runs["without"].values()} == {"panda_rizon"}
     for node, body in runs["without"].items():
         for key, value in body["ros__parameters"].items():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from samrl_core.cell.control.cartesian import LEASH
 from samrl_core.cell.robots.arm_model import ArmModel, Payload
 from samrl_core.cell.robots.inverse_kinematics import solve_ik
 from samrl_core.cell.robots.robot import CellSpec
@@ -12,8 +13,6 @@ from samrl_core.cell.tasks.task import Task
 from samrl_core.cell.types.observation import ArmCommand
 from samrl_core.cell.types.pose import Pose
 from samrl_core.cell.world.world import SimulatedWorld
-
-LEASH = 0.02  # the commanded tip stays this near to the measured one, per axis [m]
 
 
 def move_joints(
@@ -58,13 +57,14 @@ class ToolMotion:
         return self._tip_at(self._world.read_arm("tool_arm").position)
 
     def displace(self, displacement: np.ndarray) -> None:
-        """Move the commanded tip by (3,) [m] in the base frame, at most `LEASH` from the measured one.
+        """Move the commanded tip by (3,) [m] in the base frame; it leads the measured one by `LEASH` at most.
 
         Raises:
             ReachError: the arm does not get there; nothing has moved.
         """
         tip = self.tip()
-        target = tip + np.clip(self._target + displacement - tip, -LEASH, LEASH)
+        lead = self._target + displacement - tip
+        target = tip + lead * min(1.0, LEASH / max(float(np.linalg.norm(lead)), LEASH))
         flange = Pose.from_rotation(target, DOWN) @ self._tip_in_flange.inverse()
         end = solve_ik(self._model, flange, self._commanded)
         move_joints(self._world, self._model, self._commanded, end, self._steps)

@@ -19,7 +19,15 @@ import numpy as np
 
 from samrl_core.policy.contact.hole_grid import REACH, Forgiveness, HoleGrid
 from samrl_core.policy.contact.tip_sense import TipReading
-from samrl_core.policy.contact.wedge import towards, turning_force
+from samrl_core.policy.contact.wedge import (
+    Turning,
+    TurningSettings,
+    begun,
+    beyond_one_wall,
+    missing_force,
+    turned_on,
+    turning_axis,
+)
 
 BOTTOM = "bottom"  # name of the move that follows once the peg is in
 INSIDE = "inside"  # of those that follow the hole
@@ -61,13 +69,12 @@ class InsertionSettings:
     unaided: float = 0.0035  # so much below the believed mouth it is inside though no touch was felt [m]
     unstopped: float = 0.0025  # the same below a face that was felt [m]
     deep_step: float = 0.004  # inside the hole [m]
-    tight: float = 1.0  # vertical force inside from which on the hole's walls rub [N]
-    tight_step: float = 0.001  # then, as a wedged peg is pressed at its walls by ten times that [m]
-    most_turning: float = 15.0  # sideways force at the tip that turns a peg which leans against its hole [N]
+    smooth: float = 0.5  # vertical force inside below which nothing rubs [N]
+    tight_step: float = 0.0015  # where it is more [m]
+    turning: TurningSettings = field(default_factory=TurningSettings)
     doubtful: float = 0.010  # so much below a mouth that was never felt it may still be the face [m]
     stuck: float = 5.0  # vertical force that stops it near the mouth: then it is not in the hole [N]
-    jam: float = 4.0  # vertical force inside the hole above which it is let go once [N]
-    # Force of the hole's walls for each newton along its axis: friction of 0.3, of which rest leaves half [-].
+    # Force of both walls for each newton along the axis: friction of 0.3, of which rest leaves half [-].
     walls: float = 6.5
     depth: float = 0.0215  # below the mouth where it ends [m]
     spare_depth: float = 0.003  # deeper at most [m]
@@ -106,10 +113,9 @@ class Insertion:
     down: float = 0.0  # that this move asked for [m]
     stops: int = 0  # steps down in a row that were stopped
     pressed: bool = False  # whether it has been pressed onto the block
-    let_go: bool = False  # whether the last action did
+    turning: Turning | None = None  # of a peg that leans against its hole
     hardest: float = 0.0  # force of face and walls at most, by what was felt at rest so far [N]
     free_moment: np.ndarray = field(default_factory=lambda: np.zeros(3))  # as `free_force`, (3,) [N m]
-    turned_by: np.ndarray = field(default_factory=lambda: np.zeros(2))  # push (2,) that holds it upright [N]
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,8 +231,8 @@ def _noticed(state: Insertion, reading: TipReading, s: InsertionSettings) -> Ins
     if state.phase == "search" and height < state.touched - s.entered:
         state = replace(state, phase="inside")
     elif state.phase == "inside" and up > s.stuck and state.height - height < s.slow_step:
-        if height > state.touched - (s.deep_step if state.felt_face else s.doubtful):  # it was not the hole
-            state = replace(state, phase="search", touched=height, pressed=False)
+        if not _surely_inside(state, height, s):  # it was not the hole
+            state = replace(state, phase="search", touched=height, pressed=False, turning=None)
     if state.phase == "inside" and height < state.touched - s.depth:
         state = replace(state, phase="inserted")
     return state
@@ -277,32 +283,43 @@ def _follow(state: Insertion, reading: TipReading, pushed: np.ndarray, s: Insert
         easy = float(pushed[2]) < s.stuck and left > -s.spare_depth
         down = -s.slow_step * np.array([*state.mouth.lean, 1.0])
         return Move(BOTTOM, down if easy else np.zeros(3), state)
-    held, twisted = np.zeros(3), state.free_moment - reading.moment
-    if pushed[2] > s.tight:
-        # What it leans against turns it further, the deeper it is: from there on by a force at its end.
-        state = replace(state, turned_by=turning_force(reading, pushed, twisted, s.most_turning))
-    held[:2] = state.turned_by
-    jammed = bool(pushed[2] > s.jam) and not state.let_go
-    state = replace(state, let_go=jammed)
-    if jammed:
-        return Move("inside", towards(reading, pushed, twisted, held), state)
-    # As deep again as it is at most: what was taken for the hole and is not stops a short step gently.
-    deep = max(s.slow_step, 1.5 * (state.touched - float(reading.tip[2])))
-    longest = s.deep_step if pushed[2] < s.tight else s.tight_step
-    down = -min(longest, deep, left + 0.0005) * np.array([*state.mouth.lean, 1.0])
-    if pushed[2] > s.tight:
-        held[2] = pushed[2]
-        return Move("inside", down + towards(reading, pushed, twisted, held), state)
-    return Move("inside", down + _relief(reading, pushed - held, s), state)
+    up, here = float(pushed[2]), state.turning
+    lean = np.array([*state.mouth.lean, 1.0])
+    if here is None and (up < s.turning.rubs or not _surely_inside(state, float(reading.tip[2]), s)):
+        if up < s.smooth:  # what is read then is the joints' own
+            state = _freer(state, reading)
+        # As deep again as it is at most: what was taken for the hole and is not stops a short step gently.
+        deep = max(s.slow_step, 1.5 * (state.touched - float(reading.tip[2])))
+        longest = s.deep_step if up < s.smooth else s.tight_step
+        down = -min(longest, deep, left + 0.0005) * lean
+        return Move("inside", down + _relief(reading, pushed, s), state)
+    if here is None:
+        turning, down = begun(reading, up, state.mouth.lean, s.turning), -s.turning.back
+    else:
+        sank = (state.height - float(reading.tip[2])) / state.down if state.down > 0.0 else 1.0
+        turning, down = turned_on(here, pushed, sank, s.turning)
+    eased = up if turning.backed_off else 0.0
+    axis = turning_axis(reading)
+    # To press down pushes sideways, too, as springs are coupled.
+    more = missing_force(turning, float(pushed[:2] @ axis), s.turning)
+    change = np.array([*(more * axis), -eased])  # of the push on the peg [N]
+    way = -reading.compliance @ change - min(down, left + 0.0005) * lean
+    return Move("inside", way, replace(state, turning=turning))
+
+
+def _surely_inside(state: Insertion, height: float, s: InsertionSettings) -> bool:
+    """Whether a tip at a height [m] is so far below the mouth that what stops it are the hole's walls."""
+    return height <= state.touched - (s.deep_step if state.felt_face else s.doubtful)
 
 
 def _force_on_peg(phase: Phase, pushed: np.ndarray, s: InsertionSettings) -> float:
-    """Sum of the forces [N] with which face or walls push the peg; walls on both sides are felt by friction."""
+    """Sum of the forces [N] of face or walls on the peg; walls on both sides are felt by friction."""
     if phase in FREE_MOVES:
         return 0.0
     if phase == "search":
         return float(np.linalg.norm(pushed))
-    return float(np.hypot(np.linalg.norm(pushed[:2]), s.walls * max(float(pushed[2]), 0.0)))
+    sideways = float(np.linalg.norm(pushed[:2]))
+    return sideways + s.walls * max(beyond_one_wall(pushed, s.turning.friction), 0.0)
 
 
 def _relief(reading: TipReading, pushed: np.ndarray, s: InsertionSettings) -> np.ndarray:

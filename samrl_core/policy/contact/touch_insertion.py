@@ -202,7 +202,7 @@ class TouchInsertion:
         return encoders + np.array([*(estimate.values[:2] - mouth.place), self._task.height - height])
 
     def pressed_too_hard(self, observation: Observation) -> bool:
-        """Whether what the joints felt in this episode, this reading included, is more than the task allows."""
+        """Whether joints have felt more in this episode, this reading included, than the task allows."""
         if self._state is None:
             return False
         felt = next_move(self._state, self._sense.read(observation.tool_arm), self._settings.insertion)

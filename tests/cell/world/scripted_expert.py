@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from samrl_core.cell.control.cartesian import LEASH
 from samrl_core.cell.robots.arm_model import ArmModel, Payload
 from samrl_core.cell.robots.inverse_kinematics import solve_ik
 from samrl_core.cell.robots.robot import CellSpec
@@ -13,7 +14,7 @@ from samrl_core.cell.tasks.hand import HAND_TCP_Z
 from samrl_core.cell.tasks.peg_insertion.task import BODY, PegInsertion
 from samrl_core.cell.types.pose import Pose
 from samrl_core.cell.world.evaluation import ending_now
-from samrl_core.cell.world.tool_motion import LEASH, move_joints
+from samrl_core.cell.world.tool_motion import move_joints
 from samrl_core.cell.world.world import SimulatedWorld
 
 DOWN = np.diag([1.0, -1.0, -1.0])

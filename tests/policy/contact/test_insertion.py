@@ -156,7 +156,7 @@ def test_a_face_of_unknown_height_is_felt_beside_the_hole_first(higher: float) -
     for _ in range(60):
         felt = state.mouth if state.felt_face else mouth  # what the memory of a touch makes of it
         state = looked_again(state, felt, block.reading)
-        moves.append(next_move(state, reading, S))
+        moves.append(next_move(state, block.reading, S))
         state = moves[-1].state
         if state.phase == "inserted":
             break

@@ -23,6 +23,7 @@ from samrl_core.policy.contact.wedge import (
     Turning,
     TurningSettings,
     begun,
+    leans,
     beyond_one_wall,
     missing_force,
     turned_on,
@@ -285,7 +286,8 @@ def _follow(state: Insertion, reading: TipReading, pushed: np.ndarray, s: Insert
         return Move(BOTTOM, down if easy else np.zeros(3), state)
     up, here = float(pushed[2]), state.turning
     lean = np.array([*state.mouth.lean, 1.0])
-    if here is None and (up < s.turning.rubs or not _surely_inside(state, float(reading.tip[2]), s)):
+    inside = _surely_inside(state, float(reading.tip[2]), s)
+    if here is None and not (inside and leans(up, left, s.turning)):
         if up < s.smooth:  # what is read then is the joints' own
             state = _freer(state, reading)
         # As deep again as it is at most: what was taken for the hole and is not stops a short step gently.

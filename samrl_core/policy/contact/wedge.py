@@ -26,12 +26,14 @@ class TurningSettings:
     first: float = 6.0  # sideways force that is tried first, and by which it changes in an action [N]
     more: float = 3.0  # added where the peg rubs on [N]
     most: float = 15.0  # [N]
-    rubs: float = 1.0  # force along the axis from which on walls rub [N]
+    # Force along the axis from which on it is turned [N], where at least so much of the way is left [m].
+    rubs: tuple[tuple[float, float], ...] = ((1.0, 0.008), (2.5, 0.003), (5.0, -1.0))
     presses: float = 1.0  # beyond its own friction from which on the peg leans more than it is turned [N]
     jams: float = 4.0  # from which on it is backed off even so [N]
     spare: float = 8.0  # so much more than asked for is left [N]
     worse: float = 0.5  # more than before, beyond its own friction, shows the wrong way [N]
     sinks: float = 0.3  # of what was asked for; a peg that sinks by less is held by two walls [-]
+    sinks_well: float = 0.6  # one that sinks by more is not held [-]
     friction: float = 0.3  # of peg and hole, as drawn [-]
     back: float = 0.001  # so far it is backed off [m]
     step: float = 0.0015  # and lowered, while it rubs [m]
@@ -44,8 +46,10 @@ class Turning:
 
     force: float  # of the walls on its end along the axis that turns most, sign included [N]
     wanted: float  # the same, that actions lead to [N]
-    before: float  # force along the hole's axis when that was chosen [N]
-    tries: int = 1  # of directions
+    change: float  # the next change of that [N]
+    before: float  # force along the axis beyond one wall's when it was changed last [N]
+    first: bool = True  # whether that was the first change
+    new: bool = True  # whether it is still to be judged
     backed_off: bool = True  # with the last action
 
 
@@ -56,12 +60,17 @@ def turning_axis(reading: TipReading) -> np.ndarray:
     return np.eye(2)[int(np.argmax(turn))]
 
 
+def leans(up: float, left: float, s: TurningSettings) -> bool:
+    """Whether a force along the axis [N] is worth a turn where so much of the way is left [m]."""
+    return up > next(force for force, way in s.rubs if left > way)
+
+
 def begun(reading: TipReading, up: float, lean: np.ndarray, s: TurningSettings) -> Turning:
     """The first try: towards where images have the hole lean (2,), see `Mouth`."""
     turned = reading.turning[:2, :2] @ turning_axis(reading)
     towards = float(turned @ np.array([-lean[1], lean[0]]))
     force = s.first if towards >= 0.0 else -s.first
-    return Turning(force, force, up)
+    return Turning(force, force, float(np.copysign(s.more, force)), up)
 
 
 def turned_on(turning: Turning, pushed: np.ndarray, sank: float, s: TurningSettings) -> tuple[Turning, float]:
@@ -75,19 +84,22 @@ def turned_on(turning: Turning, pushed: np.ndarray, sank: float, s: TurningSetti
     """
     t = turning
     if t.force != t.wanted:
-        return replace(t, force=_nearer(t.force, t.wanted, s.first)), 0.0
+        return replace(t, force=t.force + float(np.clip(t.wanted - t.force, -s.first, s.first))), 0.0
     if t.backed_off:
         return replace(t, backed_off=False), s.back + 0.5 * s.step
-    rubs = beyond_one_wall(pushed, s.friction)
-    held = sank < s.sinks
-    if t.tries == 1 and (held or rubs > t.before + s.worse):
-        return Turning(0.0, -t.force, rubs, 2), -s.back
-    if (held or rubs > s.presses) and abs(t.force) < s.most:
-        more = float(np.copysign(min(abs(t.force) + s.more, s.most), t.force))
-        return Turning(more, more, rubs, 2), -s.back
+    rubs, held = beyond_one_wall(pushed, s.friction), sank < s.sinks
+    worse = t.new and (held or (rubs > t.before + s.worse and sank < s.sinks_well))
+    if worse:
+        wanted = -t.force if t.first else t.force - 2.0 * t.change
+        force = 0.0 if t.first else t.force - t.change
+        return Turning(force, wanted, -t.change, rubs, False), -s.back
+    t = replace(t, first=False, new=False)
+    if (held or rubs > s.presses) and abs(t.force + t.change) <= s.most:
+        force = t.force + t.change
+        return replace(t, force=force, wanted=force, before=rubs, new=True, backed_off=True), -s.back
     if rubs > s.jams:
-        return replace(t, tries=2, backed_off=True), -s.back
-    return replace(t, tries=2), s.step if rubs > 0.0 else s.long_step
+        return replace(t, backed_off=True), -s.back
+    return t, s.step if rubs > 0.0 else s.long_step
 
 
 def missing_force(turning: Turning, pushed: float, s: TurningSettings) -> float:
@@ -101,7 +113,3 @@ def missing_force(turning: Turning, pushed: float, s: TurningSettings) -> float:
 def beyond_one_wall(pushed: np.ndarray, friction: float) -> float:
     """Force along the axis [N] that the sideways push (3,) [N] does not explain: two walls push."""
     return float(pushed[2]) - friction * float(np.linalg.norm(pushed[:2]))
-
-
-def _nearer(force: float, wanted: float, most: float) -> float:
-    return force + float(np.clip(wanted - force, -most, most))

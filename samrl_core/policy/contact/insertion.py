@@ -116,7 +116,6 @@ class Insertion:
     pressed: bool = False  # whether it has been pressed onto the block
     turning: Turning | None = None  # of a peg that leans against its hole
     hardest: float = 0.0  # force of face and walls at most, by what was felt at rest so far [N]
-    free_moment: np.ndarray = field(default_factory=lambda: np.zeros(3))  # as `free_force`, (3,) [N m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +133,7 @@ def begin(mouth: Mouth, free: TipReading, known: float = InsertionSettings.known
     A face whose height is not `known` to a standard deviation [m] is felt first.
     """
     phase: Phase = "feel" if mouth.height_deviation > known else "above"
-    return Insertion(phase, mouth, free.force, mouth.grid, free_moment=free.moment)
+    return Insertion(phase, mouth, free.force, mouth.grid)
 
 
 def looked_again(state: Insertion, mouth: Mouth, reading: TipReading) -> Insertion:
@@ -148,9 +147,7 @@ def looked_again(state: Insertion, mouth: Mouth, reading: TipReading) -> Inserti
 
 def _freer(state: Insertion, reading: TipReading) -> Insertion:
     """After a reading with nothing touched."""
-    force = state.free_force + 0.5 * (reading.force - state.free_force)
-    moment = state.free_moment + 0.5 * (reading.moment - state.free_moment)
-    return replace(state, free_force=force, free_moment=moment)
+    return replace(state, free_force=state.free_force + 0.5 * (reading.force - state.free_force))
 
 
 def next_move(state: Insertion, reading: TipReading, settings: InsertionSettings) -> Move:
@@ -278,7 +275,7 @@ def _search(state: Insertion, reading: TipReading, pushed: np.ndarray, s: Insert
 
 
 def _follow(state: Insertion, reading: TipReading, pushed: np.ndarray, s: InsertionSettings) -> Move:
-    """Down along the hole's axis, in steps; let go once where it jams."""
+    """Down along the hole's axis, in steps; a peg that leans against the walls is turned first."""
     left = float(reading.tip[2]) - (state.touched - s.depth)
     if state.phase == "inserted":  # who asks again reads another height: a little deeper, if it goes easily
         easy = float(pushed[2]) < s.stuck and left > -s.spare_depth

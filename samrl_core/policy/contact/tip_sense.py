@@ -19,9 +19,8 @@ class TipReading:
     tip: np.ndarray  # (3,) by the encoders [m]
     force: np.ndarray  # (3,) of the arm on its surroundings, with the sensors' and the load's offset [N]
     compliance: np.ndarray  # (3, 3) displacement of the tip by a force, as the controller is told [m/N]
-    moment: np.ndarray = field(default_factory=lambda: np.zeros(3))  # (3,) the same about the tip [N m]
-    # (3, 6) turn of the tip by a force and a moment, the same [rad/N, rad/(N m)]
-    turning: np.ndarray = field(default_factory=lambda: np.zeros((3, 6)))
+    # (3, 3) turn of the tool by a force at its tip, the same [rad/N]
+    turning: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
 
 
 class TipSense:
@@ -55,4 +54,4 @@ class TipSense:
         torque = arm.effort - self._arm.gravity(arm.position)
         wrench, *_ = np.linalg.lstsq(jacobian.T, torque, rcond=None)
         compliance = (jacobian / self._stiffness) @ jacobian.T
-        return TipReading(position + lever, wrench[:3], compliance[:3, :3], wrench[3:], compliance[3:])
+        return TipReading(position + lever, wrench[:3], compliance[:3, :3], compliance[3:, :3])

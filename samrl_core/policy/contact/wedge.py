@@ -87,7 +87,10 @@ def turned_on(turning: Turning, pushed: np.ndarray, sank: float, s: TurningSetti
         return replace(t, force=t.force + float(np.clip(t.wanted - t.force, -s.first, s.first))), 0.0
     if t.backed_off:
         return replace(t, backed_off=False), s.back + 0.5 * s.step
-    rubs, held = beyond_one_wall(pushed, s.friction), sank < s.sinks
+    rubs = beyond_one_wall(pushed, s.friction)
+    if t.new and sank < s.sinks and rubs <= 0.0:
+        return t, s.step  # not pressed enough to tell
+    held = sank < s.sinks and rubs > 0.0
     worse = t.new and (held or (rubs > t.before + s.worse and sank < s.sinks_well))
     if worse:
         wanted = -t.force if t.first else t.force - 2.0 * t.change

@@ -44,3 +44,7 @@ def test_compliance_is_how_far_the_controller_gives_way() -> None:
     found = TipSense(CELL, TOOL).read(reading(ARM.gravity(Q)))
     np.testing.assert_allclose(found.compliance @ force, tip_at(Q + turned) - tip_at(Q), atol=2e-5)
     assert np.linalg.norm(found.compliance @ force) > 5e-4
+    before, after = ARM.flange_in_base(Q).rotation, ARM.flange_in_base(Q + turned).rotation
+    turn = (after @ before.T)[[2, 0, 1], [1, 2, 0]]
+    np.testing.assert_allclose(found.turning @ force, turn, atol=2e-5)
+    assert np.linalg.norm(turn) > 5e-4

@@ -19,7 +19,7 @@ from samrl_core.model.model import Model
 from samrl_core.model.real2sim.real2sim import Estimate, initial_estimate
 from samrl_core.model.real2sim.tip_offset import TipOffset
 from samrl_core.policy.agent.settings import AgentSettings
-from samrl_core.policy.contact.insertion import BOTTOM, begin
+from samrl_core.policy.contact.insertion import BOTTOM, FORCED, begin
 from samrl_core.policy.contact.tip_sense import TipReading
 from samrl_core.policy.contact.touch_insertion import TouchInsertion, TouchSettings, require_peg
 from samrl_core.studies.episodes.world_plant import WorldPlant
@@ -158,3 +158,20 @@ def test_what_is_deep_below_a_felt_face_is_in_the_hole_wherever_images_have_that
         touch._state = replace(state, felt_face=False)
         tip = touch.tip(np.array([0.518, 0.0, face - deep]), wrong, offset_of(0.0, 0.0))
         assert not TASK.is_done(wrong.values, tip)
+
+
+@pytest.mark.parametrize(("felt", "name"), [(41.0, BOTTOM), (43.0, FORCED)])
+def test_a_peg_that_was_pressed_harder_than_the_task_allows_is_not_inserted(
+    nothing_known: Estimate, felt: float, name: str
+) -> None:
+    touch, here = TouchInsertion(TASK, CELL, BLIND), believed(nothing_known, (0.5, 0.0, 0.0, 0.0))
+    assert not touch.pressed_too_hard(sight(0))
+    touch.see(here, sight(0), offset_of(0.0, 0.0))
+    reading = touch._sense.read(sight(1).tool_arm)
+    mouth = touch.mouth(offset_of(0.0, 0.0))
+    deep = float(reading.tip[2]) + 0.022
+    state = replace(begin(mouth, reading), phase="inside", touched=deep, felt_face=True, hardest=felt)
+    touch._state = state
+    assert touch.pressed_too_hard(sight(1)) == (name == FORCED)
+    assert touch.move(here, offset_of(0.0, 0.0), sight(1)).name == name
+    assert TASK.force_limit == 42.0

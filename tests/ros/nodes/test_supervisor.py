@@ -137,13 +137,19 @@ def test_no_request_is_older_than_the_state_that_it_follows(estimate: Any) -> No
     assert outbox.asked[-2:] == [("view", 5 * SECOND), ("act", 5 * SECOND)]
 
 
-@pytest.mark.parametrize("heed_touch", [False, True])
+@pytest.mark.parametrize(
+    ("heed_touch", "last", "ends"),
+    [
+        (False, "bottom", []),
+        (True, "bottom", [(True, "done")]),
+        (True, "forced", [(False, "pressed too hard")]),
+    ],
+)
 def test_a_peg_that_is_felt_at_the_bottom_ends_the_episode_where_touch_is_heeded(
-    estimate: Any, heed_touch: bool
+    estimate: Any, heed_touch: bool, last: str, ends: list[tuple[bool, str]]
 ) -> None:
     from samrl_msgs.msg import EpisodeReady, ToolAction, ViewTarget
 
-    from samrl_core.policy.contact.insertion import BOTTOM
     from samrl_ros.conversions import model_state, to_message
     from samrl_ros.nodes.supervisor import EXECUTED, READY, STATE, TARGET, Supervisor, SupervisorSettings
 
@@ -151,7 +157,7 @@ def test_a_peg_that_is_felt_at_the_bottom_ends_the_episode_where_touch_is_heeded
     supervisor = Supervisor(SupervisorSettings(heed_touch=heed_touch, view_period=10), outbox)
     supervisor.start()
     supervisor.handle(READY, EpisodeReady(header=to_message.header(SECOND), episode=0, task=TASK.name))
-    for step, name in enumerate(("inside", BOTTOM)):
+    for step, name in enumerate(("inside", last)):
         now = replace(
             estimate, stamp_ns=outbox.asked[-1][1] + SECOND, why_stopped="converged", loss_after=0.05
         )
@@ -160,7 +166,33 @@ def test_a_peg_that_is_felt_at_the_bottom_ends_the_episode_where_touch_is_heeded
             supervisor.handle(TARGET, ViewTarget(episode=0, step=step, move=False))
         assert outbox.asked[-1][0] == "act" and not outbox.ends
         supervisor.handle(EXECUTED, ToolAction(episode=0, step=step, sub_goal=name))
-    assert outbox.ends == ([(True, "done")] if heed_touch else [])
+    assert outbox.ends == ends
+
+
+@pytest.mark.parametrize("actions", [1, 5])
+def test_who_follows_the_hole_says_when_it_is_done(estimate: Any, verdicts: list[bool], actions: int) -> None:
+    """An estimate that says "done" while a peg is led by touch is no end, unless no action is left."""
+    from samrl_msgs.msg import EpisodeReady, ToolAction, ViewTarget
+
+    from samrl_ros.conversions import model_state, to_message
+    from samrl_ros.nodes.supervisor import EXECUTED, READY, STATE, TARGET, Supervisor, SupervisorSettings
+
+    verdicts += [False, True]
+    outbox = Outbox()
+    settings = SupervisorSettings(heed_touch=True, view_period=10, max_actions=actions, done_confirmations=1)
+    supervisor = Supervisor(settings, outbox)
+    supervisor.start()
+    supervisor.handle(READY, EpisodeReady(header=to_message.header(SECOND), episode=0, task=TASK.name))
+    for step in range(2):
+        stamp_ns = outbox.asked[-1][1] + SECOND
+        now = replace(estimate, stamp_ns=stamp_ns, why_stopped="converged", loss_after=0.05)
+        supervisor.handle(STATE, model_state.to_message(now, TASK, 0, step))
+        if outbox.asked[-1][0] == "view":
+            supervisor.handle(TARGET, ViewTarget(episode=0, step=step, move=False))
+        if step == 0:
+            supervisor.handle(EXECUTED, ToolAction(episode=0, step=step, sub_goal="inside"))
+    assert outbox.ends == ([(True, "done")] if actions == 1 else [])
+    assert actions == 1 or outbox.asked[-1][0] == "act"
 
 
 def test_an_episode_waits_while_an_arm_has_two_commanders() -> None:

@@ -42,13 +42,13 @@ def publish(bag: Bag, rate: float = 1.0, topics: Iterable[str] | None = None) ->
     from rich.console import Console
     from rich.progress import Progress
 
-    from samrl_ros.hosting.host import start_ros, stop_ros, stop_signals
+    from samrl_ros.hosting.host import on_graph, stop_signals
 
     with stop_signals() as stop, Progress(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task(f"playing {bag.path} at {rate:g}x", total=None)
-        start_ros([])
-        node = rclpy.create_node("player")
-        try:
+        with on_graph([]) as closers:
+            node = rclpy.create_node("player")
+            closers.append(node.destroy_node)
             report = publish_from(
                 node,
                 bag,
@@ -57,9 +57,6 @@ def publish(bag: Bag, rate: float = 1.0, topics: Iterable[str] | None = None) ->
                 stop,
                 on_progress=lambda done, total: progress.update(task, completed=done, total=total),
             )
-        finally:
-            node.destroy_node()
-            stop_ros()
     if report.stopped:
         raise KeyboardInterrupt
     return report

@@ -22,13 +22,10 @@ def check_drivers(options: CellOptions, console: Console) -> bool:
     """
     drivers = require_hardware(options)
     from samrl_ros.hardware.observe import observe
-    from samrl_ros.hosting.host import start_ros, stop_ros
+    from samrl_ros.hosting.host import on_graph
 
-    start_ros([sys.argv[0]])
-    try:
-        heard = observe(drivers, SECONDS, options.sim_time)
-    finally:
-        stop_ros()
+    with on_graph([sys.argv[0]]) as closers:
+        heard = observe(drivers, SECONDS, closers, options.sim_time)
     faults = cell_faults(cell_named(options.cell), drivers, heard.arms, heard.images)
     for fault in faults:
         console.print(f"[bold red]no:[/] {escape(fault)}", highlight=False, soft_wrap=True)

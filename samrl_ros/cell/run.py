@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import faulthandler
 import math
 import os
 import sys
@@ -23,6 +22,7 @@ from samrl_core.cell.tasks.task import Task
 from samrl_core.common.errors import InputError, SamrlError
 from samrl_core.policy.agent.policies import TOUCH
 from samrl_ros.cell.driver_check import check_drivers
+from samrl_ros.cell.observed import tell_what_was_heard
 from samrl_ros.cell.options import CellOptions, prepare
 from samrl_ros.cell.reserve import Reserve
 from samrl_ros.cell.start_up import CompilationTeller
@@ -35,8 +35,6 @@ __all__ = ["CellOptions", "run_cell"]
 VISITED = "visited.npz"  # of a run's folder: states that Real2Sim found, to learn from
 SETTLING_S = 0.5  # wall time in which the last messages reach the recorder
 BRAKING_S = 2.0  # wall time in which the bridge brakes arms whose commands ceased, and the recorder sees it
-LEAVE_S = 30.0  # wall time in which the middleware lets go of a run's nodes; milliseconds on a free machine
-STDERR = 2  # its file descriptor, whatever `sys.stderr` is now
 DISCOVERY_S = 1.0  # wall time in which whoever is in the ROS domain already is heard of
 
 
@@ -61,7 +59,7 @@ def run_cell(
     """
     screen = console or Console()
     require_ros()
-    from samrl_ros.hosting.host import check_ros_arguments, start_ros, stop_ros, stop_signals
+    from samrl_ros.hosting.host import check_ros_arguments, on_graph, stop_signals
 
     check_ros_arguments(options.node_args)
     _refuse_taken_domain()
@@ -71,49 +69,28 @@ def run_cell(
     arguments = ["--ros-args", "--params-file", str(params), *options.node_args]
     _clean_shared_memory(screen)
     reserve = Reserve(options.out)
-    closers: list[Callable[[], None]] = []
-    with stop_signals() as stop:
-        start_ros([sys.argv[0], *arguments])
-        closers.append(stop_ros)
-        try:
-            watch, trouble, late = _watch_run(options, arguments, stop, screen, on_tick, on_figures, closers)
-            if keep is not None:
-                keep["watch"] = watch
-            given_up = given_up_episodes(watch.outcomes)
-            # Whoever interrupts gets 130, also when a node then needs too long.
-            interrupted = stop.is_set() and not trouble
-            code = INTERRUPTED if interrupted else FAILED if trouble or late or given_up else OK
-            trouble = "; ".join(filter(None, ["interrupted" if interrupted else trouble, late]))
-            if trouble and code == FAILED:
-                text = f"[bold red]the cell stopped:[/] {escape(trouble)}"
-                screen.print(text, highlight=False, soft_wrap=True)
-            elif code == INTERRUPTED:
-                screen.print(f"{escape(trouble)}; the bag is closed", highlight=False, soft_wrap=True)
-            for episode, reason in given_up.items():
-                text = f"[bold red]episode {episode} was given up:[/] {escape(reason)}"
-                screen.print(text, highlight=False, soft_wrap=True)
-            # Within the signal handlers still: an impatient second Ctrl-C must not cost the summary.
-            reserve.give_up()
-            told = _sum_up(options, watch, trouble, screen)
-            _write_page(options, screen)
-        finally:
-            leave_graph(closers)
+    with stop_signals() as stop, on_graph([sys.argv[0], *arguments]) as closers:
+        watch, trouble, late = _watch_run(options, arguments, stop, screen, on_tick, on_figures, closers)
+        if keep is not None:
+            keep["watch"] = watch
+        given_up = given_up_episodes(watch.outcomes)
+        # Whoever interrupts gets 130, also when a node then needs too long.
+        interrupted = stop.is_set() and not trouble
+        code = INTERRUPTED if interrupted else FAILED if trouble or late or given_up else OK
+        trouble = "; ".join(filter(None, ["interrupted" if interrupted else trouble, late]))
+        if trouble and code == FAILED:
+            text = f"[bold red]the cell stopped:[/] {escape(trouble)}"
+            screen.print(text, highlight=False, soft_wrap=True)
+        elif code == INTERRUPTED:
+            screen.print(f"{escape(trouble)}; the bag is closed", highlight=False, soft_wrap=True)
+        for episode, reason in given_up.items():
+            text = f"[bold red]episode {episode} was given up:[/] {escape(reason)}"
+            screen.print(text, highlight=False, soft_wrap=True)
+        # Within the signal handlers still: an impatient second Ctrl-C must not cost the summary.
+        reserve.give_up()
+        told = _sum_up(options, watch, trouble, screen)
+        _write_page(options, screen)
     return code or (OK if told else FAILED)
-
-
-def leave_graph(closers: list[Callable[[], None]], patience_s: float = LEAVE_S) -> None:
-    """Close what was opened, the last one first; call it when all else is written.
-
-    Fast DDS 2.14 may stand still for good in here, where a node's writer goes in the instant in which its
-    lease is checked (each thread waits for the other's lock, and the caller for them, Python's lock in hand).
-    No signal is heard then, so after `patience_s` the process ends, stacks on standard error, exit code 1.
-    """
-    faulthandler.dump_traceback_later(patience_s, exit=True, file=STDERR)
-    try:
-        for close in reversed(closers):
-            close()
-    finally:
-        faulthandler.cancel_dump_traceback_later()
 
 
 def _clean_shared_memory(console: Console) -> None:
@@ -132,20 +109,15 @@ def _refuse_taken_domain() -> None:
         InputError: somebody publishes joint states of the tool arm already.
     """
     from samrl_ros.cell.monitor import Monitor
-    from samrl_ros.hosting.host import start_ros, stop_ros
+    from samrl_ros.hosting.host import on_graph
 
-    start_ros([sys.argv[0]])
-    try:
+    with on_graph([sys.argv[0]]) as closers:
         monitor = Monitor()
-        try:
-            deadline = time.monotonic() + DISCOVERY_S
-            while time.monotonic() < deadline and not monitor.is_taken():
-                monitor.spin()
-            taken = monitor.is_taken()
-        finally:
-            monitor.close()
-    finally:
-        stop_ros()
+        closers.append(monitor.close)
+        deadline = time.monotonic() + DISCOVERY_S
+        while time.monotonic() < deadline and not monitor.is_taken():
+            monitor.spin()
+        taken = monitor.is_taken()
     if taken:
         domain = os.environ.get("ROS_DOMAIN_ID", "0")
         raise InputError(
@@ -161,7 +133,7 @@ def _watch_run(
     console: Console,
     on_tick: Callable[[dict[str, int]], None],
     on_figures: Callable[[str, dict[str, str]], None],
-    closers: list[Callable[[], None]],
+    closers: list[Callable[[], object]],
 ) -> tuple[Any, str, str]:
     """Start everything, wait for the end, stop all nodes; what is left to close is added to `closers`.
 
@@ -193,6 +165,8 @@ def _watch_run(
         try:
             care = Supervision(group, monitor, options.estop_wait, options.restarts)
             trouble = _bring_up(options.nodes, group, monitor, care, stop, compilations)
+            if options.observe and not trouble:
+                monitor.tell(f"recording what the drivers say into {options.out / 'bag'}; Ctrl-C ends it")
             while not trouble and not stop.is_set() and not _is_done(options, monitor, desk):
                 monitor.spin()
                 compilations.report()
@@ -203,6 +177,7 @@ def _watch_run(
                 on_tick(group.pids())
                 trouble = _trouble(care.trouble, stop)
                 description = f"episode {len(monitor.watch.outcomes)}: {monitor.watch.phase}"
+                description = "recording" if options.observe else description
                 progress.update(bar, completed=len(monitor.watch.outcomes), description=description)
             deadline = time.monotonic() + (BRAKING_S if trouble else SETTLING_S)
             while not stop.is_set() and time.monotonic() < deadline:
@@ -277,6 +252,8 @@ def _sum_up(options: CellOptions, watch: Any, trouble: str, console: Console) ->
     except InputError as error:
         console.print(f"[yellow]no summary:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
         return False
+    if options.observe:
+        return tell_what_was_heard(out / "bag", console)
     console.print(_result(summary), highlight=False)
     for episode in summary["episodes"]:
         console.print(_line(episode, options.policy == TOUCH), highlight=False, soft_wrap=True)

@@ -97,13 +97,19 @@ def subscribe(
     return made
 
 
-def observe(drivers: Mapping[str, DriverFile], seconds: float, sim_time: bool = False) -> HeardSamples:
+def observe(
+    drivers: Mapping[str, DriverFile],
+    seconds: float,
+    closers: list[Callable[[], object]],
+    sim_time: bool = False,
+) -> HeardSamples:
     """Hear all topics of the drivers. ROS has been started.
 
     Args:
         drivers: by `tool_arm`, `camera_arm`, `camera` and `segmenter`.
         seconds: that each stream must have been heard, by its stamps [s]; after `PATIENCE` times as long by
             the wall clock it ends with what there is.
+        closers: gets what takes the node from the graph, see `on_graph`.
         sim_time: whether stamps are compared with /clock, in place of this computer's clock.
     """
     heard = HeardSamples()
@@ -111,6 +117,7 @@ def observe(drivers: Mapping[str, DriverFile], seconds: float, sim_time: bool = 
     node = rclpy.create_node("samrl_preflight", parameter_overrides=override)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
+    closers += [node.destroy_node, executor.shutdown]
 
     def hear(part: str, stream: str, message: Any) -> None:
         heard.take(drivers[part], part, stream, message, 1e-9 * node.get_clock().now().nanoseconds)
@@ -119,5 +126,4 @@ def observe(drivers: Mapping[str, DriverFile], seconds: float, sim_time: bool = 
     end = time.monotonic() + PATIENCE * seconds
     while time.monotonic() < end and not heard.is_enough(drivers, seconds):
         executor.spin_once(timeout_sec=0.05)
-    node.destroy_node()
     return heard

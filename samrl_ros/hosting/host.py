@@ -26,6 +26,7 @@ from samrl_ros.contract.quiet_end import let_go_of_terminal
 from samrl_ros.hosting.behaviour_node import BehaviourNode, MakeBehaviour
 from samrl_ros.hosting.cell_node import ACTIVE, FINALIZED, CellNode
 from samrl_ros.hosting.dds import configure_dds
+from samrl_ros.hosting.leaving import LEAVE_S, leave_graph
 
 Result = TypeVar("Result")
 # Two unrelated types, RuntimeErrors both, which rclpy does not export by a public name.
@@ -67,6 +68,23 @@ def check_ros_arguments(arguments: Sequence[str]) -> None:
 def stop_ros() -> None:
     """Shut ROS down; once more does no harm."""
     try_shutdown()
+
+
+@contextlib.contextmanager
+def on_graph(arguments: Sequence[str], patience_s: float = LEAVE_S) -> Generator[list[Callable[[], object]]]:
+    """Within the block ROS is there; what is appended is closed after it, the last one first, ROS at the end.
+
+    Print and write within the block: leaving may end the process, see `leave_graph`.
+
+    Raises:
+        InputError: as `start_ros`.
+    """
+    start_ros(arguments)
+    closers: list[Callable[[], object]] = [stop_ros]
+    try:
+        yield closers
+    finally:
+        leave_graph(closers, patience_s)
 
 
 class NodeThread:
@@ -213,10 +231,10 @@ def run_process(make_nodes: Sequence[Callable[[], CellNode]], arguments: Sequenc
             threads += [NodeThread(make_node()) for make_node in make_nodes]
         except SamrlError as error:
             print(f"error: {error}", file=sys.stderr)
-            stop_ros()
+            leave_graph([stop_ros])
             return INPUT_REFUSED if isinstance(error, InputError) else FAILED
         failures = run_nodes(threads, stop)
-        stop_ros()
-    for failure in failures:
-        print(f"error: {failure}", file=sys.stderr)
+        for failure in failures:
+            print(f"error: {failure}", file=sys.stderr)
+        leave_graph([stop_ros])
     return FAILED if failures else OK

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -34,43 +35,32 @@ def estop(options: EstopOptions) -> int:
         SamrlError: no cell answers.
     """
     require_ros()
-    from samrl_ros.hosting.host import start_ros, stop_ros
+    from samrl_ros.hosting.host import on_graph
 
-    name = RESET if options.reset else ESTOP
-    start_ros([])
-    try:
-        answer = _call(name, options.timeout)
-    finally:
-        stop_ros()
-    console = Console()
-    if not answer.success:
-        console.print(f"[bold red]refused:[/] {escape(answer.message)}", highlight=False, soft_wrap=True)
-        return FAILED
-    console.print(escape(answer.message), highlight=False, soft_wrap=True)
-    return OK
+    with on_graph([]) as closers:
+        answer = _call(RESET if options.reset else ESTOP, options.timeout, closers)
+        refused = "" if answer.success else "[bold red]refused:[/] "
+        Console().print(f"{refused}{escape(answer.message)}", highlight=False, soft_wrap=True)
+    return OK if answer.success else FAILED
 
 
-def _call(name: str, timeout_s: float) -> Any:
+def _call(name: str, timeout_s: float, closers: list[Callable[[], object]]) -> Any:
     from rclpy.experimental.events_executor import EventsExecutor
     from rclpy.node import Node
 
     kind = message_class(next(service.type for service in SERVICES if service.name == name))
     node, executor = Node("estop_caller"), EventsExecutor()
     executor.add_node(node)
-    try:
-        client = node.create_client(kind, name)
-        sent, deadline = None, time.monotonic() + timeout_s
-        while sent is None or not sent.done():
-            if time.monotonic() > deadline:
-                missing = "is not there" if sent is None else "does not answer"
-                raise SamrlError(
-                    f"service {name} {missing} after {timeout_s:g} s; start the cell or set its ROS_DOMAIN_ID"
-                )
-            if sent is None and client.service_is_ready():
-                sent = client.call_async(kind.Request())
-            executor.spin_once(timeout_sec=0.02)
-        return sent.result()
-    finally:
-        executor.remove_node(node)
-        node.destroy_node()
-        executor.shutdown()
+    closers += [executor.shutdown, node.destroy_node, lambda: executor.remove_node(node)]
+    client = node.create_client(kind, name)
+    sent, deadline = None, time.monotonic() + timeout_s
+    while sent is None or not sent.done():
+        if time.monotonic() > deadline:
+            missing = "is not there" if sent is None else "does not answer"
+            raise SamrlError(
+                f"service {name} {missing} after {timeout_s:g} s; start the cell or set its ROS_DOMAIN_ID"
+            )
+        if sent is None and client.service_is_ready():
+            sent = client.call_async(kind.Request())
+        executor.spin_once(timeout_sec=0.02)
+    return sent.result()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -42,24 +43,25 @@ def preflight(options: PreflightOptions) -> int:
         raise InputError("no driver is named; give --tool-arm, --camera-arm, --camera or --segmenter")
     require_ros()
     from samrl_ros.hardware.observe import observe
-    from samrl_ros.hosting.host import start_ros, stop_ros
+    from samrl_ros.hosting.host import on_graph
 
-    start_ros([])
-    try:
-        heard = observe(drivers, options.seconds, options.sim_time)
-    finally:
-        stop_ros()
-    faults = cell_faults(cell, drivers, heard.arms, heard.images)
+    with on_graph([]) as closers:
+        heard = observe(drivers, options.seconds, closers, options.sim_time)
+        faults = cell_faults(cell, drivers, heard.arms, heard.images)
+        _print_findings(faults, clock_offsets(heard.arms, heard.images))
+    return FAILED if faults else OK
+
+
+def _print_findings(faults: Sequence[str], ages_s: Mapping[str, float]) -> None:
     console = Console()
     for fault in faults:
         console.print(f"[bold red]no:[/] {escape(fault)}", highlight=False, soft_wrap=True)
-    for name, age in clock_offsets(heard.arms, heard.images).items():
+    for name, age in ages_s.items():
         console.print(
             f"{name}: stamps are {1e3 * age:.1f} ms old at reception, limit of arms {1e3 * MAX_OFFSET_S:.0f}",
             highlight=False,
         )
     if faults:
         console.print(f"{len(faults)} faults; do not move the arms", highlight=False)
-        return FAILED
-    console.print("names, limits, clocks, frames and rates agree", highlight=False)
-    return OK
+    else:
+        console.print("names, limits, clocks, frames and rates agree", highlight=False)

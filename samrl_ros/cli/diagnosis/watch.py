@@ -32,7 +32,7 @@ def watch_graph(
         InputError: a window's length, or a folder with an earlier watch.
     """
     require_ros()
-    from samrl_ros.hosting.host import start_ros, stop_ros
+    from samrl_ros.hosting.host import on_graph, stop_signals
     from samrl_ros.watch.gap_watch import GapWatch, WatchSettings, lines_of
     from samrl_ros.watch.judgement import Judgement
     from samrl_ros.watch.watch_node import WatchNode
@@ -50,11 +50,12 @@ def watch_graph(
         screen.print(escape(text), highlight=False, soft_wrap=True)
 
     watch = GapWatch(WatchSettings(out, window_s, keep, tuple(options)), heard)
-    start_ros([])
-    node = WatchNode(watch, note)
-    began, told = time.monotonic(), False
-    try:
-        while not windows or watch.answered < windows:
+    # An exception in a callback would be told as a fault of it: Ctrl-C is noted, and ends the loop.
+    with stop_signals() as stop, on_graph([]) as closers:
+        node = WatchNode(watch, note)
+        closers += [node.close, watch.close]
+        began, told = time.monotonic(), False
+        while not stop.is_set() and not (windows and watch.answered >= windows):
             node.spin()
             if not told and not node.topics and time.monotonic() - began > QUIET_S:
                 told = True
@@ -62,13 +63,9 @@ def watch_graph(
                     f"no joint states for {QUIET_S:.0f} s; is the robot's graph in this ROS_DOMAIN_ID, and on"
                     " this computer (else set ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET)?"
                 )
+        if stop.is_set():
+            judged = f"{watch.judged} windows were diagnosed, {watch.refused} not judged"
+            note(f"interrupted; {judged}, {watch.skipped} skipped, see {out}")
+            return INTERRUPTED
         node.report()
-    except KeyboardInterrupt:
-        counts = f"{watch.judged} windows were diagnosed, {watch.refused} not judged, {watch.skipped} skipped"
-        note(f"interrupted; {counts}, see {out}")
-        return INTERRUPTED
-    finally:
-        watch.close()
-        node.close()
-        stop_ros()
     return GAP_FOUND if fail_on_gap and gaps else OK

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +17,7 @@ from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.tasks.task import Task
 from samrl_core.cell.types.camera import Camera
+from samrl_core.cell.world import make_world
 from samrl_core.cell.world.evaluation import evaluate_now, true_values
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.cell.world.tool_motion import ToolMotion
@@ -54,6 +57,21 @@ def test_an_expert_who_knows_the_truth_succeeds_in_the_world(task: Task) -> None
             way = goals[0].tip_position - motion.tip()
             motion.displace(way * min(1.0, goals[0].max_step / max(float(np.linalg.norm(way)), 1e-9)))
         assert evaluate_now(world, task).success
+    finally:
+        world.close()
+
+
+def test_the_gripper_of_the_page_is_a_tool_that_worlds_hold(task: Task) -> None:
+    page = import_module("samrl_core.cell.tasks.puck_pushing.gripper")
+    tool = page.gripper_with_peg(0.01, 0.06, friction=0.3, label=2)
+    scene = replace(task.scene(CELL), tool=tool)
+    assert 0.05 < tool.center_of_mass[2] < 0.07 and np.linalg.eigvalsh(tool.inertia).min() > 0
+    world = make_world("pybullet", task, CELL, scene=scene)
+    try:
+        world.reset(3)
+        world.advance()
+        seen = world.read_camera().mask
+        assert {1, 2} <= set(np.unique(seen).tolist())  # puck and tool
     finally:
         world.close()
 

@@ -1,8 +1,8 @@
 """Random streams by name: what two numbers cannot keep apart, two names do.
 
 NumPy's seeds made of integers collide: `default_rng([seed, 3])` and `default_rng((seed, 3, 0, 0))` are one
-stream, because trailing zeros do not count. So 2 of 200 evaluated episodes began where training data began. A
-name is hashed with its kind and its length, so that different names are different streams, and
+stream, because trailing zeros do not count: 2 of 200 evaluated episodes once began where training data began.
+A name is hashed with its kind and its length, so that different names are different streams, and
 `DEVELOPMENT` and `TEST` never share one whatever the numbers behind them.
 """
 

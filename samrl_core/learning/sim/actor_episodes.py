@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from samrl_core.common.array_file import read_arrays, write_arrays
+from samrl_core.common.streams import stream
 from samrl_core.learning.data.fit import ACTION
 from samrl_core.learning.images.rendered_samples import Scenes
 from samrl_core.learning.sim.episodes import EpisodeGroup, run_cached_groups
@@ -25,7 +26,6 @@ _LABELLED = ("values", "tip_in_base", "frames", "action")  # of labelled states
 _VISITED = ("values", "tip_in_base", "frames", "success")  # of a round's episodes
 _EVALUATED = ("success", "actions")
 _TAKEN = (*PER_ACTION, "success")  # of Q's episodes
-_STREAMS = {"round": 1, "episodes": 2, "judged": 3}  # one source of randomness each, besides the states'
 
 
 class ActorEpisodes:
@@ -50,7 +50,9 @@ class ActorEpisodes:
         s, stage = self._settings, f"round-{k}"
         half = s.round_episodes // 2
         groups = [
-            self._group((_STREAMS["round"], k, number, int(hold)), size, hold, 0.0, noisy=True)
+            self._group(
+                ("round", k, "held" if hold else "new_each_step", number), size, hold, 0.0, noisy=True
+            )
             for hold in (True, False)
             for number, size in enumerate(self._sizes(max(1, half)))
         ]
@@ -59,10 +61,10 @@ class ActorEpisodes:
             np.concatenate([one[name] for one in visited]) for name in ("values", "tip_in_base", "frames")
         )
         rows = {"values": values, "tip_in_base": tips, "frames": frames}
-        self._label(rows, (_STREAMS["round"], k), path.parent / "labels", path, stage)
+        self._label(rows, ("round", k), path.parent / "labels", path, stage)
 
     def _label(
-        self, rows: dict[str, np.ndarray], stream: tuple[int, ...], folder: Path, path: Path, stage: str
+        self, rows: dict[str, np.ndarray], of: tuple[str | int, ...], folder: Path, path: Path, stage: str
     ) -> None:
         """Writes states with the optimiser's action there, at most as many as the training has states.
 
@@ -70,7 +72,7 @@ class ActorEpisodes:
         """
         s = self._settings
         count = len(rows["values"])
-        rng = np.random.default_rng([s.seed, *stream])
+        rng = stream(s.seed, *of, "labelled")
         which = np.sort(rng.choice(count, min(count, s.states), replace=False))
         chosen = {name: array[which] for name, array in rows.items()}
         action, left = label_all(
@@ -89,11 +91,7 @@ class ActorEpisodes:
         s = self._settings
         groups = [
             self._group(
-                (_STREAMS["episodes"], k),
-                size,
-                True,
-                s.action_noise * (k % s.levels) / (s.levels - 1),
-                noisy=True,
+                ("episodes", k), size, True, s.action_noise * (k % s.levels) / (s.levels - 1), noisy=True
             )
             for k, size in enumerate(self._sizes(s.episodes))
         ]
@@ -105,17 +103,16 @@ class ActorEpisodes:
         if not path.exists():
             columns = ("values", "tip_in_base", "frames")
             rows = {c: np.concatenate([g[c] for g in groups]) for c in columns}
-            stream = (_STREAMS["episodes"], 0, int(name == "q"))
-            self._label(rows, stream, path.with_name(f"labels_{name}"), path, "episodes")
+            self._label(rows, ("episodes", name), path.with_name(f"labels_{name}"), path, "episodes")
         rows = read_arrays(path, _LABELLED)
         return Scenes(rows["frames"], rows["tip_in_base"], {ACTION: rows["action"]})
 
     def evaluate(self, actor: SimActor) -> dict[str, dict[str, float]]:
         """Success rate in the model, by `Task.is_done`, with held views and with a new view per action."""
         s, found = self._settings, {}
-        for which, name in enumerate(("held", "new_each_step")):
+        for name in ("held", "new_each_step"):
             groups = [
-                self._group((_STREAMS["judged"], which, k), size, name == "held", 0.0, noisy=False)
+                self._group(("judged", name, k), size, name == "held", 0.0, noisy=False)
                 for k, size in enumerate(self._sizes(s.judged))
             ]
             parts = self._run(actor, groups, _EVALUATED, self._folder / "judged" / name, "judged")
@@ -134,12 +131,13 @@ class ActorEpisodes:
         return [min(size, count - first) for first in range(0, count, size)]
 
     def _group(
-        self, stream: tuple[int, ...], count: int, hold: bool, noise: float, noisy: bool
+        self, of: tuple[str | int, ...], count: int, hold: bool, noise: float, noisy: bool
     ) -> EpisodeGroup:
         s = self._settings
         distribution = self._randomising.distribution if noisy else None  # evaluation takes the task as it is
         return EpisodeGroup(
-            (s.seed, *stream),
+            s.seed,
+            of,
             count,
             hold,
             noise,

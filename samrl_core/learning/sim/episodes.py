@@ -14,6 +14,7 @@ from samrl_core.cell.calibration.cell_correction import NO_CORRECTION, CellCorre
 from samrl_core.cell.robots.cells import DEFAULT_CELL
 from samrl_core.common.array_file import read_arrays, write_arrays
 from samrl_core.common.executor import free_cores, run_calls
+from samrl_core.common.streams import stream
 from samrl_core.learning.images.appearance import AppearanceSettings, AppearanceSource
 from samrl_core.learning.images.batch_render import renderer_of
 from samrl_core.learning.images.image_noise import ImageNoiseSettings
@@ -84,7 +85,8 @@ class EpisodeGroup:
     physical parameters: those of the first point.
     """
 
-    seed: tuple[int, ...]  # of all that is random in it
+    seed: int  # of the training
+    stream: tuple[str | int, ...]  # what its random numbers are drawn for; no other group has the same
     count: int
     hold: bool  # one random view for each episode; else a new one for every action
     action_noise: float  # per axis, standard deviation [action limits]
@@ -115,7 +117,7 @@ def run_groups(
 
 def _run(task: str, weights: Weights, group: EpisodeGroup, device: str) -> ActorRollouts:
     renderer = renderer_of(task, group.cell, device)
-    model, rng = renderer.model, np.random.default_rng(group.seed)
+    model, rng = renderer.model, stream(group.seed, *group.stream)
     actor = SimActor(model.task.action_limit)
     actor.load_state_dict(weights)
     actor.to(renderer.device).eval()

@@ -15,6 +15,7 @@ import numpy as np
 from samrl_core.cell.calibration.cell_correction import NO_CORRECTION, CellCorrection
 from samrl_core.common.array_file import read_arrays, write_arrays
 from samrl_core.common.errors import InputError
+from samrl_core.common.streams import stream
 from samrl_core.learning.images.appearance import AppearanceSettings, AppearanceSource
 from samrl_core.learning.randomisation.choose import begin
 from samrl_core.learning.randomisation.discrepancy import Discrepancy
@@ -28,7 +29,6 @@ from samrl_core.learning.states.visited import VisitedStates
 from samrl_core.model.model import Model
 from samrl_core.policy.networks.networks import SimActor
 
-STREAM = 4  # of a training's sources of randomness
 Log = Callable[[str, dict[str, float]], None]
 Answer = Callable[[Question], np.ndarray]
 _STAGE = "randomisation"
@@ -120,7 +120,7 @@ class Randomising:
     def _ask(self, answer: Answer) -> bool:
         """One question, answered now or before; False when the strategy has none."""
         s, number = self._settings, self._asked
-        question = self._strategy.ask(np.random.default_rng([s.seed, STREAM, number]))
+        question = self._strategy.ask(stream(s.seed, _STAGE, number))
         if not len(question):
             return False
         path = self._folder / f"evidence-{number:03d}.npz"
@@ -149,7 +149,8 @@ class Randomising:
         ]
         groups = [
             EpisodeGroup(
-                (s.seed, STREAM, self._asked, k),
+                s.seed,
+                (_STAGE, self._asked, "episodes", k),
                 len(few),
                 hold=False,
                 action_noise=0.0,

@@ -140,7 +140,7 @@ def test_episodes_begin_at_their_points(model: Model) -> None:
     """In the order of the points; the same group gives the same episodes."""
     space = starts_of(model.task)
     points = np.array([[0.46, 0.02], [0.54, -0.03]])
-    group = EpisodeGroup((0, 1), 2, False, 0.0, True, 1, UniformBox.whole(space), points)
+    group = EpisodeGroup(0, ("round",), 2, False, 0.0, True, 1, UniformBox.whole(space), points)
     ((_, one),) = run_groups(PEG, actor_of(model), [group], "cpu", 1)
     np.testing.assert_allclose(one.values, points)
     distribution = replace(group, points=None)
@@ -158,7 +158,7 @@ def test_a_group_moves_with_the_attributes_of_its_points() -> None:
     space = together(starts_of(model.task), attributes)
     assert space.names == ("start/pancake_x", "start/pancake_y", "log/friction", "log/mass")
     points = np.array([[0.51, 0.0, -math.log(2.0), 0.0], [0.50, 0.0, -math.log(2.0), 0.0]])
-    group = EpisodeGroup((0, 1), 2, False, 0.0, False, 0, UniformBox.whole(space), points)
+    group = EpisodeGroup(0, ("round",), 2, False, 0.0, False, 0, UniformBox.whole(space), points)
     values, looks, dynamics = begun(model, group, np.random.default_rng(0))
     assert isinstance(dynamics, TaskPhysics) and looks == AppearanceSettings()
     np.testing.assert_array_equal(values[:, 0], points[:, 0])

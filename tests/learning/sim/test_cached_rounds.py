@@ -22,7 +22,7 @@ from samrl_core.policy.networks.networks import SimActor
 
 TASK = "peg_insertion"
 NAMES = ("values", "tip_in_base", "success")
-GROUPS = [EpisodeGroup((3, k), 2, True, 0.0, noisy=True, max_actions=2) for k in range(3)]
+GROUPS = [EpisodeGroup(3, ("round", k), 2, True, 0.0, noisy=True, max_actions=2) for k in range(3)]
 
 
 @cache

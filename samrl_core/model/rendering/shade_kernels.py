@@ -221,7 +221,10 @@ def triangles_adjoint(
     """From triangles to vertices: W is the inverse of (c0 c1 c2), so dL/dc = -W^T (dL/dW) W^T."""
     b, f = wp.tid()
     g = planes_grad[b, f]
-    if wp.ddot(g, g) == 0.0 and wp.dot(corner_grad[b, f, 0], corner_grad[b, f, 0]) == 0.0:
+    size = float(wp.ddot(g, g))
+    for k in range(3):  # one corner's may cancel where the others' do not
+        size += wp.dot(corner_grad[b, f, k], corner_grad[b, f, k])
+    if size == 0.0:
         return
     lit_grad = wp.vec3()
     for k in range(3):

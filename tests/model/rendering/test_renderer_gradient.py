@@ -148,3 +148,25 @@ def test_color_gradient_is_exact(scene: ThreadScene) -> None:
     with torch.no_grad():
         reference = float(value(scene.color + direction) - value(scene.color))
     assert float((gradient * direction).sum()) == pytest.approx(reference, rel=1e-4)
+
+
+def test_color_gradient_of_a_difference_in_one_row() -> None:
+    """Two pixels as near to the top of a triangle: its gradient there cancels, those of the others do not."""
+    corners = np.array([[0.0, -0.4, 1.0], [-0.4, 0.4, 1.0], [0.4, 0.4, 1.0]])
+    faces, label, part = np.array([[0, 1, 2]]), np.ones(3, np.int32), np.zeros(3, np.int32)
+    renderer = Renderer(
+        Topology.build(corners, faces, label, part), Intrinsics(32, 32, 32.0, 32.0, 16.0, 16.0)
+    )
+    here, there = torch.eye(3, dtype=torch.float64), torch.zeros(3, dtype=torch.float64)
+
+    def difference(color: torch.Tensor) -> torch.Tensor:
+        image = renderer(torch.from_numpy(corners), color, torch.ones(3), here, there).color
+        return image[20, 10, 0] - image[20, 22, 0]
+
+    color = torch.full((3, 3), 0.5, dtype=torch.float64, requires_grad=True)
+    (gradient,) = torch.autograd.grad(difference(color), color)
+    with torch.no_grad():
+        red = torch.tensor([1.0, 0.0, 0.0], dtype=torch.float64)
+        changed = [difference(color + red * at[:, None]) for at in torch.eye(3, dtype=torch.float64)]
+    assert abs(float(changed[1])) > 0.4
+    torch.testing.assert_close(gradient[:, 0], torch.stack(changed).double(), atol=1e-5, rtol=0.0)

@@ -47,8 +47,10 @@ def minimize(
     of sign.
 
     Absolute differences (eq. 4) have gradients whose size does not depend on the distance to the minimum and
-    jump across it; the sign is what is left, and the step halves at each crossing. This is iRprop-
-    (Riedmiller and Braun 1993; Igel and Huesken 2003). No random numbers: the same input gives the same bits.
+    jump across it; the sign is what is left, and the step halves at each crossing. This is Rprop (Riedmiller
+    and Braun 1993) with the memory of iRprop- (Igel and Huesken 2003), which stands still for one evaluation
+    after a crossing, where this goes back by the halved step at once. No random numbers: the same input gives
+    the same bits.
     A value or gradient that is not finite stops with "diverged" and the best parameters before it.
 
     Args:
@@ -82,7 +84,7 @@ def minimize(
         step = np.where(agree < 0, step * settings.shrink, step)
         if np.all(held | (step < settings.smallest_step)):
             return Minimum(best, float(best_value), float(first_value), k + 1, "converged")
-        # After a change of sign the next gradient is taken as new (iRprop-): no double halving.
+        # After a change of sign the next gradient is taken as new, as in iRprop-: no double halving.
         last_sign = np.where(agree < 0, 0.0, sign)
         x = np.clip(x - step * sign * scale, lower, upper)
     return Minimum(best, float(best_value), float(first_value), settings.max_evaluations, "iteration_limit")

@@ -59,7 +59,8 @@ class Real2SimSettings:
     initial_color_deviation: float = 0.3  # of the colours that the model starts with, 0..1
     color_floor: float = 0.02  # error of a colour that no number of pixels removes (shading), 0..1
     drift: float = 1e-4  # the target may move by this between images, standard deviation [unit of value]
-    worse: float = 1.3  # a fit whose points and colours both end this many times farther off has diverged
+    # A fit of rotations, joints or parts whose points and colours both end so many times as far off diverged.
+    worse: float = 1.3
     surprise: float = PoseFitSettings.surprise
     motion: float = 0.5  # the same for rotations and joints, which the tool moves [parameter's scale]
     # Error of a size that all images share, so that more do not reduce it: masks a pixel too wide.
@@ -151,8 +152,8 @@ class Real2Sim:
 
         Returns:
             A new estimate. `why_stopped` "no_target": too few target pixels, values and colours unchanged;
-            "diverged": nothing finite came out, or colours and points both fit clearly worse; belief
-            and colours unchanged.
+            "diverged": nothing finite came out or, but for a lone position, colours and points both fit
+            clearly worse; values and colours unchanged, the belief as wide as before this image.
         """
         s = self._settings
         if len(self._model.parts) > 1:
@@ -170,47 +171,10 @@ class Real2Sim:
             )
         misfit = Misfit(renderer, real, s.color_weight, s.emd_weight)
         before = misfit.losses(estimate.values, estimate.colors)
+        known = (estimate, observation.stamp_ns, renderer, real, misfit, before)
         if self._together:
-            return self._update_together(
-                estimate, observation.stamp_ns, renderer, real, misfit, before, watch, compared
-            )
-
-        start, coarse_evaluations = estimate.values, 0
-        cold = before.emd > s.coarse_above
-        if cold:
-            coarse = minimize(misfit.coarse, start, self._scale, self._lower, self._upper, s.coarse)
-            start, coarse_evaluations = coarse.parameters, coarse.evaluations
-        fit = self._fit(misfit, start, estimate.colors, s.fine if cold or not estimate.stamp_ns else s.warm)
-        count = self._scale.size
-        evaluations = coarse_evaluations + fit.evaluations
-        if fit.why_stopped == "diverged":
-            kept = (estimate.values, estimate.covariance, estimate.colors, estimate.color_variance)
-            losses = (before, before, before.total)
-            return _estimate(estimate, observation.stamp_ns, kept, losses, evaluations, "diverged")
-        fitted, colors = fit.parameters[:count], fit.parameters[count:].reshape(-1, 3)
-
-        def view_at(values: np.ndarray) -> ViewInformation:
-            step = s.jacobian_step * self._scale
-            return view_information(lambda v: renderer.image(v, colors), values, step, s.noise)
-
-        view = view_at(fitted)
-        for _ in range(s.polish):
-            change = newton_step(view, real.image)
-            if not np.all(np.abs(change) < s.polish_limit * self._scale):
-                break  # too far for the linear model: the descent's answer stands
-            fitted = np.clip(fitted + change, self._lower, self._upper)
-            view = view_at(fitted)
-        belief = estimate.covariance + s.drift**2 * np.eye(count)
-        values, covariance = fused(estimate.values, belief, fitted, view.matrix, s.surprise)
-        values = np.clip(values, self._lower, self._upper)
-        known = (estimate.colors, estimate.color_variance)
-        colors, color_variance = fused_colors(
-            *known, colors, renderer.group_pixels(values, colors), s.noise, s.color_floor
-        )
-        loss_known = misfit.losses(values, estimate.colors).total if compared else float("nan")
-        losses = (before, misfit.losses(values, colors), loss_known)
-        belief = (values, covariance, colors, color_variance)
-        return _estimate(estimate, observation.stamp_ns, belief, losses, evaluations, fit.why_stopped)
+            return self._update_together(*known, watch, compared)
+        return self._update_apart(*known, compared)
 
     def _update_parts(
         self,
@@ -249,6 +213,55 @@ class Real2Sim:
             found = (estimate.values, belief, estimate.colors, estimate.color_variance)
             losses = (before, before, before.total)
         return _estimate(estimate, observation.stamp_ns, found, losses, fit.evaluations, fit.why_stopped)
+
+    def _update_apart(
+        self,
+        estimate: Estimate,
+        stamp_ns: int,
+        renderer: TargetRenderer,
+        real: RealTarget,
+        misfit: Misfit,
+        before: Losses,
+        compared: bool,
+    ) -> Estimate:
+        """`update` of a position, each coordinate with a step size of its own."""
+        s = self._settings
+        start, coarse_evaluations = estimate.values, 0
+        cold = before.emd > s.coarse_above
+        if cold:
+            coarse = minimize(misfit.coarse, start, self._scale, self._lower, self._upper, s.coarse)
+            start, coarse_evaluations = coarse.parameters, coarse.evaluations
+        fit = self._fit(misfit, start, estimate.colors, s.fine if cold or not estimate.stamp_ns else s.warm)
+        count = self._scale.size
+        evaluations = coarse_evaluations + fit.evaluations
+        if fit.why_stopped == "diverged":
+            kept = (estimate.values, estimate.covariance, estimate.colors, estimate.color_variance)
+            losses = (before, before, before.total)
+            return _estimate(estimate, stamp_ns, kept, losses, evaluations, "diverged")
+        fitted, colors = fit.parameters[:count], fit.parameters[count:].reshape(-1, 3)
+
+        def view_at(values: np.ndarray) -> ViewInformation:
+            step = s.jacobian_step * self._scale
+            return view_information(lambda v: renderer.image(v, colors), values, step, s.noise)
+
+        view = view_at(fitted)
+        for _ in range(s.polish):
+            change = newton_step(view, real.image)
+            if not np.all(np.abs(change) < s.polish_limit * self._scale):
+                break  # too far for the linear model: the descent's answer stands
+            fitted = np.clip(fitted + change, self._lower, self._upper)
+            view = view_at(fitted)
+        belief = estimate.covariance + s.drift**2 * np.eye(count)
+        values, covariance = fused(estimate.values, belief, fitted, view.matrix, s.surprise)
+        values = np.clip(values, self._lower, self._upper)
+        known = (estimate.colors, estimate.color_variance)
+        colors, color_variance = fused_colors(
+            *known, colors, renderer.group_pixels(values, colors), s.noise, s.color_floor
+        )
+        loss_known = misfit.losses(values, estimate.colors).total if compared else float("nan")
+        losses = (before, misfit.losses(values, colors), loss_known)
+        belief = (values, covariance, colors, color_variance)
+        return _estimate(estimate, stamp_ns, belief, losses, evaluations, fit.why_stopped)
 
     def _update_together(
         self,

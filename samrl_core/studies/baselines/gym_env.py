@@ -41,7 +41,7 @@ TIP_LIMIT = 2.0  # no tip is farther from its arm's base, per axis [m]
 class CellEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
     """One task in PyBullet, with the camera where the task's episodes start.
 
-    Observation: `image` (6, H, W) float32, see `learn.network_image`, and `tip` (3,) float32 in the tool
+    Observation: `image` (6, H, W) float32, see `network_image`, and `tip` (3,) float32 in the tool
     arm's base frame [m]. Action: displacement of the tip (3,) in the same frame [m]; the action space is a
     cube, as these learners take it, and an action longer than the task's limit is shortened to it, so that
     nobody moves faster than SAM-RL's nominal actions. Reward: the paper's, in

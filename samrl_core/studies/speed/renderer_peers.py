@@ -31,7 +31,7 @@ def vertex_to_pose(scene: ThreadScene, by_position: np.ndarray, by_value: np.nda
 
     Args:
         scene: at p = 0.
-        by_place: (V, 3) gradient by positions.
+        by_position: (V, 3) gradient by positions.
         by_value: (V, 3) gradient by rendered positions, which the camera's motion leaves as they are; None
             where colours are rendered.
     """

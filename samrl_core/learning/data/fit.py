@@ -118,7 +118,7 @@ def fit(
     """Train a network in place; goes on from the checkpoint in `folder` if there is one.
 
     The folder gets `checkpoint.safetensors`, `log.csv` (a row per epoch: training loss, validation metrics)
-    and, after a gradient that is not finite, `stopped.safetensors` with the state and the batch before it.
+    and, after a loss or gradient that is not finite, `stopped.safetensors` with the state and the samples.
 
     Args:
         network: with its first weights; ends on the settings' device in evaluation mode.
@@ -230,6 +230,14 @@ class _Fit:
                 for name, values in self._evaluate(self.validation, indices).items():
                     parts.setdefault(name, []).append(values.float().cpu().numpy())
         joined = {name: np.concatenate(values) for name, values in parts.items()}
+        wrong = np.flatnonzero(~np.isfinite(joined[LOSS]))  # else it would pass for a metric without meaning
+        if len(wrong):
+            path = self.folder / STOPPED
+            self._save(path, {"validation": wrong.tolist()})
+            raise SolveError(
+                f"step {self.step}: losses of {len(wrong)} validation samples are not finite, first that of "
+                f"sample {wrong[0]} ({joined[LOSS][wrong[0]]}); check it. Weights are in {path}"
+            )
         return {name: float(v[~np.isnan(v)].mean()) for name, v in joined.items() if not np.isnan(v).all()}
 
     def _write_log(self) -> None:

@@ -179,6 +179,15 @@ def test_a_gradient_that_is_not_finite_stops_with_the_state_saved(tmp_path: Path
     assert not list(tmp_path.glob("*.half"))
 
 
+def test_a_validation_loss_that_is_not_finite_stops_as_well(tmp_path: Path) -> None:
+    """It would be left out of the mean, as a metric that does not apply to the sample."""
+    validation = tiny.Spots(32, 2)
+    validation.action[20] = torch.nan
+    with pytest.raises(SolveError, match=r"1 validation samples .*sample 20 \(nan\).*stopped\.safetensors"):
+        fit_actor(TRAIN, validation, tiny.LIMIT, tiny.SETTINGS, tmp_path)
+    assert load_checkpoint(tmp_path / STOPPED, "regression")[1]["validation"] == [20]
+
+
 def test_an_infinite_gradient_of_a_finite_loss_stops_as_well(tmp_path: Path) -> None:
     def steep(network, batch):
         out = network(batch["image"]).sum(dim=1)

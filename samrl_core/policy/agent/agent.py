@@ -14,6 +14,7 @@ from samrl_core.cell.calibration.seen_error import SeenError, seen_error
 from samrl_core.cell.types.observation import Observation
 from samrl_core.cell.types.pose import Pose
 from samrl_core.common.errors import InputError, SolveError
+from samrl_core.common.streams import stream
 from samrl_core.model.model import Model
 from samrl_core.model.real2sim.prediction import (
     CameraErrors,
@@ -151,7 +152,7 @@ class Agent:
     def explore_from(self, steps: int) -> None:
         """Seed exploration for a run that begins with so many steps collected: no two are the same."""
         s = self.settings
-        rng = np.random.default_rng([s.seed, steps])
+        rng = stream(s.seed, "exploration", steps)  # its own: views of strategy "random" follow from the seed
         self._exploration = Exploration(s.exploration, s.exploration_memory, rng)
 
     def note_action(self, sub_goal: str) -> None:

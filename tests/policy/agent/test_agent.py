@@ -273,6 +273,13 @@ def test_exploration_is_seeded_and_bounded(model: Model, plant: Any) -> None:
     assert all(1e-6 < np.linalg.norm(r) <= 0.003 + 1e-12 for r in first)
 
 
+def test_exploration_has_a_stream_of_its_own(model: Model) -> None:
+    """Not that of strategy "random", whose views would follow from the same bits."""
+    acting = Agent(model, AgentSettings(policy="optimised", strategy="random", exploration=1.0, seed=3))
+    noise = acting._exploration.next()
+    assert not np.allclose(noise, np.random.default_rng(3).standard_normal(3))
+
+
 def test_exploration_starts_anew_with_each_episode(model: Model, plant: Any) -> None:
     """With full memory an episode has one noise, the next one another."""
     settings = AgentSettings(policy="learned", exploration=0.0005, exploration_memory=1.0)

@@ -88,11 +88,14 @@ def directions(case: Case, count: int = 3) -> list[tuple[str, torch.Tensor]]:
         relative, absolute = STEPS[name]
         for _ in range(count if value.numel() else 0):
             draw = torch.randn(value.shape, generator=generator, dtype=torch.float64)
-            if name == "inertia":
-                draw = torch.diag_embed(draw.diagonal(dim1=-2, dim2=-1))
+            size = value.abs()
+            if name == "inertia":  # products, too: in a principal frame they are 0, their gradients are not
+                draw = 0.5 * (draw + draw.mT)
+                moments = value.diagonal(dim1=-2, dim2=-1)
+                size = (moments[..., :, None] * moments[..., None, :]).sqrt()
             if name == "q":
                 draw = on_sphere(model, value, draw)
-            result.append((name, draw * (relative * value.abs() + absolute)))
+            result.append((name, draw * (relative * size + absolute)))
     return result
 
 

@@ -24,6 +24,7 @@ from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.cell.world.tool_motion import ToolMotion
 from samrl_core.common.errors import InputError
 from samrl_core.learning.sim.prepare import prepare_states
+from samrl_core.learning.sim.sample_states import StateSource
 from samrl_core.learning.sim.train_settings import TrainSettings
 from samrl_core.learning.states.explore import ExploreSettings
 from samrl_core.learning.states.frames import SceneFrames
@@ -116,7 +117,9 @@ def test_an_action_moves_the_tool_by_what_is_asked(cell: CellSpec) -> None:
 
 def test_a_training_is_of_the_cell_that_is_asked_for(cell: CellSpec, tmp_path: Path) -> None:
     def states(name: str) -> StateSamples:
-        return prepare_states(TASK.name, 4, tmp_path, 7, 1, ExploreSettings(slots=2, longest=6), cell=name)
+        return prepare_states(
+            TASK.name, 4, tmp_path, 7, 1, StateSource(ExploreSettings(slots=2, longest=6)), cell=name
+        )
 
     names = SceneFrames(Model(TASK, cell)).names
     assert any("forearm_link" in name for name in names) and states(NAME).frames.shape[1] == len(names)

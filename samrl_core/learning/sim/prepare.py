@@ -24,9 +24,7 @@ from samrl_core.common.executor import free_cores, run_calls
 from samrl_core.common.files import folder_lock
 from samrl_core.learning.data.shards import DataInfo, ShardFolder
 from samrl_core.learning.images.batch_render import model_of
-from samrl_core.learning.randomisation.distributions import ParameterDistribution
-from samrl_core.learning.sim.sample_states import sample_states
-from samrl_core.learning.states.explore import ExploreSettings, Starts
+from samrl_core.learning.sim.sample_states import StateSource, sample_states
 from samrl_core.learning.states.frames import SceneFrames
 from samrl_core.learning.states.states import StateSamples
 from samrl_core.policy.planning.expert import label_of
@@ -43,11 +41,9 @@ def prepare_states(
     folder: Path,
     seed: int,
     workers: int = 0,
-    settings: ExploreSettings | None = None,
-    given: Starts | None = None,
+    source: StateSource | None = None,
     shard_size: int = SHARD_SIZE,
     progress: Progress = lambda done, wanted: None,
-    distribution: ParameterDistribution | None = None,
     cell: str = DEFAULT_CELL,
 ) -> StateSamples:
     """All labelled states of a data set, made or resumed.
@@ -58,22 +54,19 @@ def prepare_states(
         folder: of the data set.
         seed: of the data set.
         workers: processes; 0 takes as many as there are free cores.
-        settings: how widely the states are spread.
-        given: other states to begin in, e.g. estimates of Real2Sim.
+        source: where they come from; physical parameters are sampled once per shard.
         shard_size: states that one process makes in one go.
         progress: called after each shard.
-        distribution: of starts and, once per shard, of physical parameters; None: the task's own.
         cell: name of the cell whose arm moves.
 
     Raises:
         InputError: the folder holds another data set, or a setting is outside its meaning.
     """
-    s = settings or ExploreSettings()
-    frames = SceneFrames(model_of(task, cell)).names
-    recorded = _recorded(frames, s, given, distribution) | _of_cell(cell)
+    source = source or StateSource()
+    recorded = _recorded(SceneFrames(model_of(task, cell)).names, source) | _of_cell(cell)
     info = DataInfo("states", task, cell_named(cell).intrinsics, seed, count, shard_size, recorded)
     data = ShardFolder(folder, info)
-    _fill(data, _shard, lambda k: (task, cell, info, k, s, given, distribution), workers, progress)
+    _fill(data, _shard, lambda k: (task, cell, info, k, source), workers, progress)
     return load_states(folder, task)
 
 
@@ -157,15 +150,11 @@ def _of_cell(cell: str) -> dict[str, object]:
     return {} if cell == DEFAULT_CELL else {"cell": cell}
 
 
-def _recorded(
-    frames: tuple[str, ...],
-    settings: ExploreSettings,
-    given: Starts | None,
-    distribution: ParameterDistribution | None,
-) -> dict[str, object]:
+def _recorded(frames: tuple[str, ...], source: StateSource) -> dict[str, object]:
     """What a shard depends on besides seed, task and cell, and what its frames are."""
+    given, distribution = source.given, source.distribution
     starts = [] if given is None else np.hstack([given.values, given.tip_in_base]).tolist()
-    found: dict[str, object] = {"frames": frames, "explore": asdict(settings), "given": starts}
+    found: dict[str, object] = {"frames": frames, "explore": asdict(source.explore), "given": starts}
     if distribution is not None:
         found["drawn"] = distribution.record()
     return found
@@ -180,18 +169,8 @@ def _labels(task: str, cell: str, values: np.ndarray, tips: np.ndarray) -> dict[
     }
 
 
-def _shard(
-    task: str,
-    cell: str,
-    info: DataInfo,
-    shard: int,
-    settings: ExploreSettings,
-    given: Starts | None,
-    distribution: ParameterDistribution | None,
-) -> dict[str, np.ndarray]:
-    return sample_states(
-        model_of(task, cell), info.rng(shard), info.size(shard), settings, given, distribution
-    ).arrays()
+def _shard(task: str, cell: str, info: DataInfo, shard: int, source: StateSource) -> dict[str, np.ndarray]:
+    return sample_states(model_of(task, cell), info.rng(shard), info.size(shard), source).arrays()
 
 
 def main(arguments: list[str] | None = None) -> int:

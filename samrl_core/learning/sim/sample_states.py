@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -16,13 +17,17 @@ from samrl_core.learning.states.states import StateSamples
 from samrl_core.model.model import Model
 
 
+@dataclass(frozen=True, eq=False)
+class StateSource:
+    """What labelled states are sampled from."""
+
+    explore: ExploreSettings = ExploreSettings()  # how widely they are spread
+    given: Starts | None = None  # to begin in besides the task's own starts, e.g. estimates of Real2Sim
+    distribution: ParameterDistribution | None = None  # of starts and parameters; None: the task's
+
+
 def sample_states(
-    model: Model,
-    rng: np.random.Generator,
-    count: int,
-    settings: ExploreSettings | None = None,
-    given: Starts | None = None,
-    distribution: ParameterDistribution | None = None,
+    model: Model, rng: np.random.Generator, count: int, source: StateSource | None = None
 ) -> StateSamples:
     """So many labelled states; the same ones for the same generator.
 
@@ -30,20 +35,19 @@ def sample_states(
         model: of the task; its dynamics move and label the states.
         rng: source of everything random.
         count: how many, at least 1.
-        settings: how widely they are spread.
-        given: states to begin in besides the task's own starts, e.g. estimates of Real2Sim.
-        distribution: of starts, instead of the task's own, and, once, of physical parameters.
+        source: where they come from.
 
     Raises:
-        InputError: a count below 1, settings outside their meaning, or no start that can be used.
+        InputError: a count below 1, or no start that can be used.
     """
     if count < 1:
         raise InputError(f"{count} states were asked for, must be at least 1")
-    frames, dynamics, starts = SceneFrames(model), model.dynamics, None
+    source = source or StateSource()
+    frames, dynamics, starts, distribution = SceneFrames(model), model.dynamics, None, source.distribution
     if distribution is not None:
         dynamics = dynamics_at(dynamics, distribution.space, distribution.sample(rng, 1))
         starts = partial(_start, model.task, distribution)
-    explorer = Explorer(dynamics, model.task, frames.start_tip, rng, settings, given, starts)
+    explorer = Explorer(dynamics, model.task, frames.start_tip, rng, source.explore, source.given, starts)
     rows: list[tuple[np.ndarray, ...]] = []
     goals: list[str] = []
     solved: list[bool] = []

@@ -41,6 +41,7 @@ from samrl_core.learning.sim.actor_episodes import ActorEpisodes
 from samrl_core.learning.sim.prepare import prepare_states
 from samrl_core.learning.sim.randomising import Randomising
 from samrl_core.learning.sim.regressions import fit_actor, fit_q
+from samrl_core.learning.sim.sample_states import StateSource
 from samrl_core.learning.sim.train_settings import TrainSettings
 from samrl_core.learning.states.states import StateSamples
 from samrl_core.learning.states.visited import VisitedStates, load_visited
@@ -142,10 +143,8 @@ class _Training:
             self.folder / "states",
             s.seed,
             s.workers,
-            s.explore,
-            self.starts,
+            StateSource(s.explore, self.starts, None if self.starts else self.randomising.distribution),
             progress=lambda done, wanted: self.log("states", {"done": done, "of": wanted}),
-            distribution=None if self.starts else self.randomising.distribution,
             cell=s.cell,
         )
         known, held_out = _split(states, s.validation)

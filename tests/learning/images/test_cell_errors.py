@@ -20,7 +20,7 @@ from samrl_core.learning.images.cell_errors import CellErrors
 from samrl_core.learning.images.image_noise import ImageNoiseSettings
 from samrl_core.learning.images.rendered_samples import RenderedSamples, SampleSettings, Scenes
 from samrl_core.learning.sim.randomising import Randomising
-from samrl_core.learning.sim.sample_states import sample_states
+from samrl_core.learning.sim.sample_states import StateSource, sample_states
 from samrl_core.learning.sim.train_settings import TrainSettings
 from samrl_core.learning.states.explore import ExploreSettings
 from samrl_core.model.model import Model
@@ -65,7 +65,9 @@ def test_cells_are_drawn_from_the_covariance() -> None:
 
 def test_images_differ_in_their_points_alone() -> None:
     model = Model(task_named("peg_insertion"), CELL)
-    states = sample_states(model, np.random.default_rng(0), 2, ExploreSettings(slots=2, longest=4))
+    states = sample_states(
+        model, np.random.default_rng(0), 2, StateSource(ExploreSettings(slots=2, longest=4))
+    )
     scenes = Scenes(states.frames, states.tip_in_base, {"action": states.action}, VIEWS)
     plain = AppearanceSettings(plain_share=1.0), ImageNoiseSettings(clean_share=1.0, lost=0.0, jump_lost=0.0)
     renderer = BatchRenderer(model)

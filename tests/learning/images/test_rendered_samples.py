@@ -17,7 +17,7 @@ from samrl_core.learning.images.appearance import AppearanceSettings
 from samrl_core.learning.images.batch_render import BatchRenderer
 from samrl_core.learning.images.image_noise import ImageNoiseSettings
 from samrl_core.learning.images.rendered_samples import RenderedSamples, SampleSettings, Scenes
-from samrl_core.learning.sim.sample_states import sample_states
+from samrl_core.learning.sim.sample_states import StateSource, sample_states
 from samrl_core.learning.states.explore import ExploreSettings
 from samrl_core.model.model import Model
 
@@ -35,7 +35,9 @@ def renderer() -> BatchRenderer:
 @cache
 def scenes() -> Scenes:
     settings = ExploreSettings(slots=2, longest=4)
-    return Scenes.of_states(sample_states(renderer().model, np.random.default_rng(0), 5, settings))
+    return Scenes.of_states(
+        sample_states(renderer().model, np.random.default_rng(0), 5, StateSource(settings))
+    )
 
 
 def test_drawn_samples_follow_seed_and_indices() -> None:

@@ -28,6 +28,7 @@ from samrl_core.learning.sim import randomising
 from samrl_core.learning.sim.episodes import EpisodeGroup, begun, run_groups
 from samrl_core.learning.sim.prepare import prepare_states
 from samrl_core.learning.sim.randomising import Randomising
+from samrl_core.learning.sim.sample_states import StateSource
 from samrl_core.learning.sim.train import CONFIG, SUMMARY, train
 from samrl_core.learning.states.explore import ExploreSettings
 from samrl_core.model.model import Model
@@ -129,11 +130,11 @@ def test_states_begin_where_the_distribution_says(tmp_path: Path, model: Model) 
     space = starts_of(model.task)
     narrow = UniformBox(space, np.array([0.46, 0.02]), np.array([0.462, 0.022]))
     settings = ExploreSettings(slots=2, longest=5, exact_values=1.0)
-    states = prepare_states(PEG, 40, tmp_path, 3, 1, settings, distribution=narrow)
+    states = prepare_states(PEG, 40, tmp_path, 3, 1, StateSource(settings, distribution=narrow))
     assert (states.values >= narrow.lower).all() and (states.values <= narrow.upper).all()
     assert json.loads((tmp_path / MANIFEST).read_text())["settings"]["drawn"] == narrow.record()
     with pytest.raises(InputError, match="another data set"):
-        prepare_states(PEG, 40, tmp_path, 3, 1, settings)
+        prepare_states(PEG, 40, tmp_path, 3, 1, StateSource(settings))
 
 
 def test_episodes_begin_at_their_points(model: Model) -> None:

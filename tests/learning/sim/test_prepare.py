@@ -13,12 +13,13 @@ import pytest
 
 from samrl_core.common.errors import InputError
 from samrl_core.learning.sim.prepare import free_cores, load_states, main, prepare_states
+from samrl_core.learning.sim.sample_states import StateSource
 from samrl_core.learning.states.explore import ExploreSettings, Starts
 from tests.waiting import wait_for
 
 ROOT = Path(__file__).resolve().parents[3]
 TASK = "peg_insertion"
-SMALL = ExploreSettings(slots=2, longest=6)
+SMALL = StateSource(ExploreSettings(slots=2, longest=6))
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -31,8 +32,9 @@ def test_a_killed_run_resumes_to_the_same_bytes(tmp_path: Path) -> None:
     arguments = (
         "from pathlib import Path; from samrl_core.learning.states.explore import ExploreSettings\n"
         "from samrl_core.learning.sim.prepare import prepare_states\n"
+        "from samrl_core.learning.sim.sample_states import StateSource\n"
         f"prepare_states({TASK!r}, 40, Path({str(tmp_path / 'killed')!r}), 7, 1, "
-        "ExploreSettings(slots=2, longest=6), shard_size=8)"
+        "StateSource(ExploreSettings(slots=2, longest=6)), shard_size=8)"
     )
     process = subprocess.Popen([sys.executable, "-c", arguments], cwd=ROOT)
     try:
@@ -77,7 +79,7 @@ def test_another_seed_or_start_is_another_data_set(tmp_path: Path) -> None:
         prepare_states(TASK, 4, tmp_path, 8, 1, SMALL)
     given = Starts(np.array([[0.5, 0.0]]), np.array([[0.5, 0.0, 0.1]]))
     with pytest.raises(InputError, match="its settings"):
-        prepare_states(TASK, 4, tmp_path, 7, 1, SMALL, given)
+        prepare_states(TASK, 4, tmp_path, 7, 1, StateSource(SMALL.explore, given))
 
 
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,7 +10,7 @@ import pytest
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.common.errors import InputError
-from samrl_core.learning.sim.sample_states import sample_states
+from samrl_core.learning.sim.sample_states import StateSource, sample_states
 from samrl_core.learning.states.explore import Explorer, ExploreSettings, Starts
 from samrl_core.learning.states.frames import SceneFrames
 from samrl_core.learning.states.states import StateSamples
@@ -22,7 +22,7 @@ QUICK = ExploreSettings(longest=12)
 
 
 def drawn(model: Model, count: int, seed: int = 0, settings: ExploreSettings = QUICK) -> StateSamples:
-    return sample_states(model, np.random.default_rng(seed), count, settings)
+    return sample_states(model, np.random.default_rng(seed), count, StateSource(settings))
 
 
 def check(model: Model, states: StateSamples, count: int) -> None:
@@ -91,12 +91,12 @@ def test_states_that_are_handed_in_are_begun_in(model: Model) -> None:
     """Estimates of Real2Sim, Algorithm 1 lines 16 and 17."""
     given = Starts(np.array([[0.523, 0.017]]), np.array([[0.51, 0.01, 0.09]]))
     settings = replace(QUICK, given_share=1.0, stage_share=0.0, exact_values=1.0)
-    states = sample_states(model, np.random.default_rng(0), 20, settings, given)
+    states = sample_states(model, np.random.default_rng(0), 20, StateSource(settings, given))
     np.testing.assert_array_equal(states.values, np.tile(given.values, (20, 1)))
     np.testing.assert_array_equal(states.tip_in_base[0], given.tip_in_base[0])
     done = Starts(np.array([[0.5, 0.0]]), np.array([[0.5, 0.0, 0.015]]))
     with pytest.raises(InputError, match="none of 100 starts"):
-        sample_states(model, np.random.default_rng(0), 1, settings, done)
+        sample_states(model, np.random.default_rng(0), 1, StateSource(settings, done))
 
 
 def test_estimates_err_as_set(model: Model) -> None:

@@ -13,6 +13,7 @@ from samrl_core.cell.calibration.cell_correction import CellCorrection, Correcti
 from samrl_core.cell.tasks import task_named
 from samrl_core.common.errors import InputError
 from samrl_core.learning.sim.prepare import prepare_states
+from samrl_core.learning.sim.sample_states import StateSource
 from samrl_core.learning.sim.train import CONFIG, train
 from samrl_core.learning.states.explore import ExploreSettings
 from samrl_core.learning.states.states import StateSamples
@@ -43,8 +44,8 @@ def test_states_near_what_was_visited_are_learnt_from(tmp_path: Path) -> None:
     """About a quarter of the episodes begin there; none of a training without them comes near."""
     given = visited().starts(TASK)
     settings = ExploreSettings(slots=2, longest=4)
-    with_them = prepare_states(TASK.name, 80, tmp_path / "with", 3, 1, settings, given)
-    without = prepare_states(TASK.name, 80, tmp_path / "without", 3, 1, settings)
+    with_them = prepare_states(TASK.name, 80, tmp_path / "with", 3, 1, StateSource(settings, given))
+    without = prepare_states(TASK.name, 80, tmp_path / "without", 3, 1, StateSource(settings))
 
     def near(states: StateSamples) -> int:
         same_hole = np.linalg.norm(states.values - HOLE, axis=1) < 0.003

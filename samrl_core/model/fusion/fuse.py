@@ -13,8 +13,6 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 from skimage.measure import marching_cubes
 
-from samrl_core.cell.types.pose import Pose
-from samrl_core.cell.types.scene import SurfaceMesh
 from samrl_core.common.errors import InputError
 from samrl_core.model.fusion.masked_view import MaskedView, checked_views, corner_weights
 from samrl_core.model.fusion.volume import Grid, Volume, integrate
@@ -56,11 +54,6 @@ class FusedMesh:
     color: np.ndarray  # (V, 3) linear RGB 0..1; of an unobserved vertex, that of the nearest observed one
     observed: np.ndarray  # (V,) bool; elsewhere the surface is a guess that closes it
     dropped_faces: int  # of specks apart from the largest surface
-
-    def in_body(self, body_in_world: Pose) -> SurfaceMesh:
-        """The surface in a body's frame, each face in the mean colour of its corners."""
-        vertices = body_in_world.inverse().apply(self.vertices)
-        return SurfaceMesh(vertices, self.faces, self.color[self.faces].mean(axis=1))
 
 
 def fuse(views: Sequence[MaskedView], settings: FusionSettings | None = None) -> FusedMesh:

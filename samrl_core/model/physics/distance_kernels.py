@@ -9,7 +9,6 @@ import warp as wp
 from samrl_core.model.physics.kernel_types import types
 from samrl_core.model.physics.shapes import PROFILE_CORNERS, ShapeKind
 
-PLANE = wp.constant(int(ShapeKind.PLANE))
 BOX = wp.constant(int(ShapeKind.BOX))
 CAPSULE = wp.constant(int(ShapeKind.CAPSULE))
 REVOLVED = wp.constant(int(ShapeKind.REVOLVED))
@@ -118,7 +117,7 @@ def distance_functions(double: bool) -> SimpleNamespace:
         """Outward normal and signed distance [m] of a point in the solid's frame."""
         rounding = numbers[solid, 0]
         half = vec3(numbers[solid, 1], numbers[solid, 2], numbers[solid, 3])
-        n = vec3(real(0.0), real(0.0), real(1.0))
+        n = vec3(real(0.0), real(0.0), real(1.0))  # of a plane
         d = p[2]
         if kind == BOX:
             n, d = box_distance(p, half)
@@ -128,15 +127,6 @@ def distance_functions(double: bool) -> SimpleNamespace:
             n = o / d
         elif kind == REVOLVED:
             n, d = profile_distance(numbers, solid, p)
-        elif kind != PLANE:  # a block with a hole is the box and the profile at once
-            n1, d1 = box_distance(p, half)
-            n2, d2 = profile_distance(numbers, solid, p)
-            if d1 > d2:
-                n = n1
-                d = d1
-            else:
-                n = n2
-                d = d2
         return n, d - rounding
 
     @wp.func

@@ -25,7 +25,6 @@ class ShapeKind(IntEnum):
     BOX = 1
     CAPSULE = 2
     REVOLVED = 3
-    BLOCK = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +78,7 @@ def ring(
     shape_in_body: Pose | None = None,
 ) -> Shape:
     """A washer along z about the origin, its hole chamfered at both ends by 45 degrees: a needle's eye."""
-    _hole_sizes(hole_radius, outer_radius, height, chamfer, 0.5)
+    _hole_sizes(hole_radius, outer_radius, height, chamfer)
     h = 0.5 * height
     profile = [
         (outer_radius, -h),
@@ -90,24 +89,6 @@ def ring(
         (hole_radius + chamfer, -h),
     ]
     return _revolved(profile, rounding, shape_in_body)
-
-
-def block_with_hole(
-    half_extents: tuple[float, float, float],
-    hole_radius: float,
-    chamfer: float,
-    rounding: float,
-    shape_in_body: Pose | None = None,
-) -> Shape:
-    """A box with a through hole along its z axis, chamfered at its top by 45 degrees."""
-    half = _sizes("half extents", half_extents)
-    _hole_sizes(hole_radius, float(half[:2].min()), 2.0 * float(half[2]), chamfer, 1.0)
-    _check_rounding(rounding, float(half.min()))
-    # The profile's outer side lies far out: there the box decides.
-    far, h = 4.0 * float(half.max()), float(half[2])
-    profile = [(far, -h), (far, h), (hole_radius + chamfer, h), (hole_radius, h - chamfer), (hole_radius, -h)]
-    core = _inset(profile, rounding)
-    return _shape(ShapeKind.BLOCK, shape_in_body, rounding, half - rounding, core)
 
 
 def _revolved(profile: list[tuple[float, float]], rounding: float, shape_in_body: Pose | None) -> Shape:
@@ -166,10 +147,10 @@ def _check_rounding(rounding: float, smallest: float) -> None:
         raise InputError(f"rounding {rounding} m must be at least 0 and below the half extent {smallest} m")
 
 
-def _hole_sizes(hole: float, outer: float, height: float, chamfer: float, share: float) -> None:
+def _hole_sizes(hole: float, outer: float, height: float, chamfer: float) -> None:
     _sizes("hole radius, outer size and height", (hole, outer, height))
-    if not (0 <= chamfer < share * height and hole + chamfer < outer):
+    if not (0 <= chamfer < 0.5 * height and hole + chamfer < outer):
         raise InputError(
-            f"chamfer {chamfer} m must be at least 0, below {share * height} m, and with the hole's radius "
+            f"chamfer {chamfer} m must be at least 0, below {0.5 * height} m, and with the hole's radius "
             f"{hole} m stay below the outer size {outer} m"
         )

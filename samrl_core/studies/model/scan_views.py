@@ -106,6 +106,7 @@ def scan_views(path: Path, out: Path, fusion: FusionSettings, iterations: int) -
         "why_stopped": "not_updated" if updated is None else updated.why_stopped,
         "vertices": len(mesh.vertices),
         "faces": len(mesh.faces),
+        "dropped_faces": mesh.dropped_faces,  # of specks beside the largest surface
         "watertight": bool(surface.is_watertight),
         "volume_m3": float(surface.volume),
         "seen_share": float(mesh.observed.mean()),

@@ -11,7 +11,7 @@ import torch
 from samrl_core.cell.types.camera import Intrinsics
 from samrl_core.cell.types.pose import look_at
 from samrl_core.model.rendering.light import Light
-from samrl_core.model.rendering.renderer import SUPERSAMPLE, Rendered, Renderer
+from samrl_core.model.rendering.renderer import Rendered, Renderer
 from samrl_core.model.rendering.topology import Topology
 
 SIZE = 128
@@ -200,20 +200,12 @@ class PoseReference:
 
 
 def pose_gradients(
-    scene: ThreadScene, reference: PoseReference, light: Light | None = None, supersample: int = SUPERSAMPLE
+    scene: ThreadScene, reference: PoseReference, light: Light | None = None
 ) -> dict[str, torch.Tensor]:
     """The renderer's own gradient (12,) of each functional."""
-    plain = Renderer(scene.topology, LENS, supersample=supersample)
+    plain = Renderer(scene.topology, LENS)
     result = {}
     for name, weights in reference.weights.items():
         p = torch.zeros(12, dtype=torch.float64, requires_grad=True)
         (result[name],) = torch.autograd.grad((rgb_xyz(moved(scene, plain, p, light)) * weights).sum(), p)
     return result
-
-
-def pose_errors(
-    scene: ThreadScene, light: Light | None = None, supersample: int = SUPERSAMPLE
-) -> dict[str, list[float]]:
-    """Relative errors of the pose gradient per functional, over the four blocks of three parameters."""
-    reference = PoseReference.of(scene, light)
-    return reference.errors(pose_gradients(scene, reference, light, supersample))

@@ -51,13 +51,6 @@ def test_colors_lie_where_they_were_seen(ball: FusedMesh) -> None:
     assert np.abs(ball.color - expected)[ball.observed].mean() < 0.02
 
 
-def test_in_body_moves_the_surface_and_colors_faces(ball: FusedMesh) -> None:
-    moved = ball.in_body(Pose(CENTER, np.array([0.0, 0.0, 1.0, 0.0])))  # half a turn about z
-    assert np.allclose(moved.vertices[:, :2], -(ball.vertices - CENTER)[:, :2])
-    assert moved.face_color.shape == (len(moved.faces), 3)
-    assert moved.face_color[moved.vertices[moved.faces].mean(axis=1)[:, 0] > 0.03, 0].mean() < 0.2
-
-
 def test_without_a_background_the_masks_alone_carve() -> None:
     """A thing that hangs in nothing: outside the mask depth is NaN."""
     mesh = fuse(photos(table=False), replace(FINE, floor_height=-math.inf))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from samrl_core.model.physics.scene import WORLD, ContactPair, Joint, JointKind, PhysicsBody, PhysicsScene
-from samrl_core.model.physics.shapes import block_with_hole, box, cylinder, plane, ring
+from samrl_core.model.physics.shapes import box, cylinder, plane, ring
 from samrl_core.studies.speed.physics_scenes import at, chain, circle, cylinder_inertia
 
 FREE = Joint(JointKind.FREE)
@@ -31,7 +31,7 @@ def peg_in_hole() -> PhysicsScene:
     peg = PhysicsBody(
         "peg", 0.05, cylinder_inertia(0.05, 0.01, 0.06), tuple(springs), (0, 0, -0.03), 0, (shaft,)
     )
-    hole = block_with_hole((0.06, 0.06, 0.02), 0.012, 0.002, 0.0005)
+    hole = ring(0.012, 0.06, 0.04, 0.002, 0.0005)
     block = PhysicsBody("block", 1.0, 1e-2 * np.eye(3), (HAND,), shapes=(hole,))
     rim = circle(0.0125, 0.0175, 12)  # balls of 0.5 mm under the chamfer
     pairs = (ContactPair(1, circle(0.01, -0.06, 12), 2, 0), ContactPair(2, rim, 1, 0, 0.0005))

@@ -11,11 +11,12 @@ from samrl_core.model.rendering.light import Light
 from samrl_core.model.rendering.renderer import Renderer
 from samrl_core.studies.speed.thread_scene import (
     LENS,
+    PoseReference,
     ThreadScene,
     differences,
     functionals,
     moved,
-    pose_errors,
+    pose_gradients,
     rgb_xyz,
     thread_scene,
 )
@@ -25,7 +26,8 @@ SMALL, LARGE = (14, 4), (44, 11)  # 2,242 and 19,362 triangles
 
 
 def check_pose(scene: ThreadScene, light: Light | None, limit: float) -> None:
-    errors = pose_errors(scene, light)
+    reference = PoseReference.of(scene, light)
+    errors = reference.errors(pose_gradients(scene, reference, light))
     for name, blocks in errors.items():
         print(len(scene.topology.faces), "triangles", name, np.round(blocks, 4))
     mean = np.mean(list(errors.values()))

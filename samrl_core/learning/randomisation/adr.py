@@ -14,7 +14,7 @@ import numpy as np
 from samrl_core.common.errors import InputError
 from samrl_core.learning.randomisation.distributions import UniformBox
 from samrl_core.learning.randomisation.space import Space
-from samrl_core.learning.randomisation.strategy import Measure, Question, QuestionResult, nothing
+from samrl_core.learning.randomisation.strategy import Measure, Question, QuestionResult
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class AdrSettings:
         InputError: thresholds that are not ordered, or a number outside its meaning.
     """
 
-    low: float = 0.5  # success at a boundary below which it moves in, 0..1
+    low: float = 0.5  # success at a boundary up to which it moves in, 0..1
     high: float = 0.8  # success from which it moves out, 0..1
     buffer: int = 8  # episodes at a boundary before it is moved
     step: float = 0.1  # by which a boundary moves [width of the space's bounds]
@@ -68,7 +68,7 @@ class Adr:
         label = rng.integers(2 * len(box.space), size=count)
         for row, k in enumerate(label):
             points[row, k % len(box.space)] = self._boundary(int(k))
-        return Question(points, label.astype(np.int64)) if count else nothing(box.space)
+        return Question(points, label.astype(np.int64))
 
     def update(self, evidence: QuestionResult) -> Adr:
         """See `Strategy`; evidence counts in order.

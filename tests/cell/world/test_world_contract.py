@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import sys
+import tempfile
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pybullet
 import pytest
 
+from samrl_core.cell.instance.cell_instance import instance_named
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.robots.robot import ROLES
 from samrl_core.cell.tasks import TASKS, task_named
@@ -244,3 +247,16 @@ def test_a_failed_build_leaves_no_client_behind(monkeypatch: pytest.MonkeyPatch)
     with pytest.raises(InputError, match="moments of inertia"):
         make_world("pybullet", TASK, CELL)
     assert len(closed) == 1
+
+
+def test_a_world_leaves_no_files_however_it_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody removes what a killed process had; so all is gone once the world stands."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    task, cell = task_named("peg_insertion"), cell_named()
+    world = make_world("pybullet", task, cell, instance=instance_named("typical:1", cell))
+    try:
+        assert not list(tmp_path.iterdir())
+        world.reset(1)
+        assert world.read_camera().color.any()
+    finally:
+        world.close()

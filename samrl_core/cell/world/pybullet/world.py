@@ -96,19 +96,18 @@ class PyBulletWorld(SimulatedWorld):
         self._drives = {role: Drive(cell.arm(role), role, self._instance, self._period_ns) for role in ROLES}
         self._start = task.start_joints(cell)
         self._time_ns = 0
-        self._folder = tempfile.TemporaryDirectory(prefix="samrl_world_")
         self._client = pybullet.connect(pybullet.DIRECT)
         self._closed = False
-        with ExitStack() as undo:
+        # The files are read as they are loaded; kept longer, a killed process would leave them behind.
+        with tempfile.TemporaryDirectory(prefix="samrl_world_") as files, ExitStack() as undo:
+            folder = Path(files)
             undo.callback(self.close)  # unless all of this succeeds
             self._configure()
-            self._arms, self._models = self._build_arms()
+            self._arms, self._models = self._build_arms(folder)
             nominal = self._instance.is_nominal
             table = build_table(self._client, True, nominal, self._made.task.surface_height)
             soften(self._client, table, TABLE_FRICTION, self._settings)
-            self._bodies = PyBulletBodies(
-                self._client, self._scene.bodies, Path(self._folder.name), self._settings
-            )
+            self._bodies = PyBulletBodies(self._client, self._scene.bodies, folder, self._settings)
             self._slides = Slides(self._client, self._scene.bodies, self._bodies.index, self._settings)
             tool_arm, chain = self._arms["tool_arm"], self._scene.tool.chain
             self._chain = PyBulletChain(
@@ -259,11 +258,10 @@ class PyBulletWorld(SimulatedWorld):
         )
 
     def close(self) -> None:
-        """Disconnect and remove the files that were written; twice is harmless."""
+        """Disconnect; twice is harmless."""
         if not self._closed:
             self._closed = True
             pybullet.disconnect(physicsClientId=self._client)
-            self._folder.cleanup()
 
     def _exposed(self, camera: RealCamera, middle: Pose) -> Picture:
         """What a camera sees while its arm moves at the present joint velocities."""
@@ -313,7 +311,7 @@ class PyBulletWorld(SimulatedWorld):
             physicsClientId=self._client,
         )
 
-    def _build_arms(self) -> tuple[dict[str, PyBulletArm], dict[str, ArmModel]]:
+    def _build_arms(self, folder: Path) -> tuple[dict[str, PyBulletArm], dict[str, ArmModel]]:
         cell, true, tool = self._cell, self._true_cell, self._scene.tool
         mounted = {"tool_arm": Mounted.of_tool(tool), "camera_arm": camera_housing(cell)}
         # What the controllers are told; a held part that slipped changes no load here.
@@ -331,7 +329,6 @@ class PyBulletWorld(SimulatedWorld):
             chain, tip = (tool.chain, tool.tip_in_flange) if role == "tool_arm" else ((), Pose.identity())
             share = self._settings.joint_friction if role == "tool_arm" else 0.0
             friction = share * spec.limits.effort + self._drives[role].friction
-            folder = Path(self._folder.name)
             mass, center = true_load(role, load.mass, load.center_of_mass, self._instance)
             borne = replace(load, mass=mass, center_of_mass=center)
             meshes = {} if self._instance.is_nominal else arm_meshes(cell, role, tool, folder)

@@ -4,22 +4,18 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Generator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.markup import escape
 from rich.progress import Progress
 
-from samrl_core.common.errors import InputError, SamrlError
+from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_there, write_whole
 from samrl_ros.bags.info import describe, render
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.bags.repair import default_destination, repair
-from samrl_ros.contract.exit_codes import FAILED, INPUT_REFUSED
 from samrl_ros.hosting.ros_check import require_ros
 from samrl_ros.log_import.draft.guess import EFFORT_HELP, Effort
 
@@ -28,26 +24,13 @@ bag_app = typer.Typer(help="Look into bags and repair them.", no_args_is_help=Tr
 BagPath = Annotated[Path, typer.Argument(metavar="BAG", help="Bag folder or .mcap file.")]
 
 
-@contextmanager
-def _refusals() -> Generator[None]:
-    """A refused input ends the command with its message and exit code 3, any other error of ours with 1."""
-    try:
-        yield
-    except SamrlError as error:
-        what, code = ("refused", INPUT_REFUSED) if isinstance(error, InputError) else ("error", FAILED)
-        text = f"[bold red]{what}:[/] {escape(str(error))}"
-        Console(stderr=True).print(text, soft_wrap=True, highlight=False)
-        raise typer.Exit(code) from error
-
-
 @bag_app.command("info")
 def info(
     path: BagPath,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Show what a bag holds: duration, topics, types, rates, and whether it is whole."""
-    with _refusals():
-        described = describe(open_bag(path))
+    described = describe(open_bag(path))
     if as_json:
         typer.echo(json.dumps(described, indent=2))
     else:
@@ -64,7 +47,7 @@ def repair_command(
 ) -> None:
     """Copy what can be read of a truncated or unclosed bag into a new, complete one."""
     destination = out if out is not None else default_destination(path)
-    with _refusals(), Progress(console=Console(stderr=True), transient=True) as progress:
+    with Progress(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("copying", total=None)
         report = repair(
             path,
@@ -84,7 +67,7 @@ def view_command(
     ] = None,
 ) -> None:
     """Copy a bag for Foxglove, with clouds, differences, chosen views and the arms' meshes."""
-    with _refusals(), Progress(console=Console(stderr=True), transient=True) as progress:
+    with Progress(console=Console(stderr=True), transient=True) as progress:
         require_ros()
         from samrl_ros.cell.viewer import view_file
 
@@ -120,15 +103,14 @@ def draft_command(
     from samrl_ros.log_import.draft.writing import as_yaml
     from samrl_ros.recordings.described import xacro_values
 
-    with _refusals():
-        if out is not None and is_there(out):
-            raise InputError(f"{out} exists already; choose another --out or move it away")
-        given = xacro_values(xacro_arg or ())
-        text = read_model(urdf, given).urdf if urdf is not None else None
-        drafted = draft_any(logs, text, None if urdf is None else str(urdf.resolve()), effort)
-        drafted.xacro_args = dict(given)
-        if out is not None:
-            write_whole(out, as_yaml(drafted))
+    if out is not None and is_there(out):
+        raise InputError(f"{out} exists already; choose another --out or move it away")
+    given = xacro_values(xacro_arg or ())
+    text = read_model(urdf, given).urdf if urdf is not None else None
+    drafted = draft_any(logs, text, None if urdf is None else str(urdf.resolve()), effort)
+    drafted.xacro_args = dict(given)
+    if out is not None:
+        write_whole(out, as_yaml(drafted))
     if out is None:
         typer.echo(as_yaml(drafted), nl=False)
         return
@@ -160,8 +142,7 @@ def import_command(
 
     if out is None and not check:
         raise typer.BadParameter("say where to write, or --check to write nothing", param_hint="--out")
-    with _refusals():
-        found = import_any(mapping, data if data is not None else mapping.parent, None if check else out)
+    found = import_any(mapping, data if data is not None else mapping.parent, None if check else out)
     for each in found.made:
         typer.echo(f"{each.recording.name} ({each.role}, {found.system_of(each)})")
         for line in each.report:

@@ -9,14 +9,13 @@ from pathlib import Path
 import pytest
 from mcap.writer import Writer
 from rosbags.rosbag2 import Reader
-from typer.testing import CliRunner
 
 from samrl_core.common.errors import InputError
 from samrl_ros.bags.info import describe
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.bags.repair import repair
 from samrl_ros.bags.writer import BagWriter
-from samrl_ros.cli.bag import bag_app
+from samrl_ros.cli.main import run
 
 
 def fingerprint(folder: Path) -> dict[str, str]:
@@ -105,20 +104,24 @@ def test_describe(small_bag) -> None:
     assert described["truncated"] is False and described["metadata"] is True
 
 
-def test_commands_and_their_exit_codes(small_bag, tmp_path: Path) -> None:
+def test_commands_and_their_exit_codes(
+    small_bag, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def told(code: int, *arguments: str) -> str:
+        assert run(["bag", *arguments]) == code
+        heard = capfd.readouterr()
+        return heard.err if code == 3 else heard.out
+
+    monkeypatch.setenv("COLUMNS", "250")
     folder = small_bag()
-    run = CliRunner().invoke
-    shown = run(bag_app, ["info", str(folder), "--json"])
-    assert shown.exit_code == 0 and json.loads(shown.stdout)["messages"] == 200
-    shown = run(bag_app, ["info", str(folder)], env={"COLUMNS": "250"})
-    assert shown.exit_code == 0 and "/cell/phase" in shown.stdout and "200 messages" in shown.stdout
-    refused = run(bag_app, ["info", str(tmp_path / "nothing")])
-    assert refused.exit_code == 3 and "nothing of that name" in refused.output
-    assert run(bag_app, ["info"]).exit_code == 2
-    assert run(bag_app, ["info", str(folder), "--no-such-option"]).exit_code == 2
+    assert json.loads(told(0, "info", str(folder), "--json"))["messages"] == 200
+    shown = told(0, "info", str(folder))
+    assert "/cell/phase" in shown and "200 messages" in shown
+    assert "nothing of that name" in told(3, "info", str(tmp_path / "nothing"))
+    told(2, "info")
+    told(2, "info", str(folder), "--no-such-option")
     (folder / "metadata.yaml").unlink()
-    mended = run(bag_app, ["repair", str(folder)])
-    assert mended.exit_code == 0 and "200 messages" in mended.stdout
+    assert "200 messages" in told(0, "repair", str(folder))
     assert open_bag(tmp_path / "small_repaired").has_metadata
-    assert run(bag_app, ["repair", str(folder)]).exit_code == 3  # the destination exists now
-    assert run(bag_app, ["repair", str(folder), "--out", str(tmp_path / "other")]).exit_code == 0
+    assert "refused" in told(3, "repair", str(folder))  # the destination exists now
+    told(0, "repair", str(folder), "--out", str(tmp_path / "other"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import select
 import sys
 from collections.abc import Callable
@@ -21,13 +22,41 @@ REQUEST, JUDGEMENT = cell_topic("operator/request"), cell_topic("operator/judgem
 TYPED = {"scene": "or press Enter here", "judgement": "or type y or n and Enter here"}
 
 
-class OperatorDesk:
-    """A node in the caller's thread; call `spin` often."""
+class TypedLines:
+    """Lines from a file descriptor as they come, none kept back in a buffer of Python's."""
 
-    def __init__(self, tell: Callable[[str], None], keyboard: bool | None = None) -> None:
-        """`tell` shows a line; `keyboard` says whether lines are read from stdin, by default if it is one."""
+    def __init__(self, file: int) -> None:
+        self._file = file
+        self._begun = b""  # of a line
+        self.ended = False
+
+    def take(self) -> list[str]:
+        """Whole lines since the last call, without their ends; never waits."""
+        while not self.ended and self._is_ours() and select.select([self._file], [], [], 0.0)[0]:
+            data = os.read(self._file, 4096)
+            self.ended = not data
+            self._begun += data
+        *whole, self._begun = self._begun.split(b"\n")
+        return [line.decode(errors="replace") for line in whole]
+
+    def _is_ours(self) -> bool:
+        """Whoever reads a terminal in the background is stopped by the system, and the arms with it."""
+        return not os.isatty(self._file) or os.tcgetpgrp(self._file) == os.getpgrp()
+
+
+class OperatorDesk:
+    """A node in the caller's thread; call `spin` often.
+
+    A line answers the question that was shown when it was typed. One that came before is no answer: an Enter
+    too many would let the arms move while somebody still lays the scene.
+    """
+
+    def __init__(self, tell: Callable[[str], None], keyboard: int | None = None) -> None:
+        """`tell` shows a line; `keyboard` is what lines come from, by default stdin if it is a terminal."""
         self._tell = tell
-        self._keyboard = sys.stdin.isatty() if keyboard is None else keyboard
+        stdin = sys.stdin.fileno() if keyboard is None and sys.stdin.isatty() else None
+        file = stdin if keyboard is None else keyboard
+        self._keyboard = None if file is None else TypedLines(file)
         self._node = Node("operator_desk", namespace=NAMESPACE)
         self._executor = EventsExecutor()
         self._executor.add_node(self._node)
@@ -46,9 +75,10 @@ class OperatorDesk:
 
     def spin(self) -> None:
         """Take in what has come, and what was typed."""
+        typed = [] if self._keyboard is None else self._keyboard.take()
+        if typed and self.waits:
+            self._on_line(typed[0])
         self._executor.spin_once(timeout_sec=0.0)
-        if self._keyboard and self.waits and select.select([sys.stdin], [], [], 0.0)[0]:
-            self._on_line(sys.stdin.readline())
 
     def close(self) -> None:
         """Leave the graph."""
@@ -65,16 +95,15 @@ class OperatorDesk:
         self.asks = question.asks
         if self.waits and (self.asks, question.episode) != self._shown:
             self._shown = (self.asks, question.episode)
-            typed = f" ({TYPED[self.asks]})" if self._keyboard else ""
+            reads = self._keyboard is not None and not self._keyboard.ended
+            typed = f" ({TYPED[self.asks]})" if reads else ""
             self._tell(f"operator: {question.text}{typed}")
 
     def _on_judgement(self, message: Any) -> None:
         self.judged += 1
 
     def _on_line(self, line: str) -> None:
-        if not line:  # stdin has ended
-            self._keyboard = False
-        elif self.asks == "scene":
+        if self.asks == "scene":
             self._ready.call_async(Trigger.Request()).add_done_callback(self._on_answer)
         elif line.strip().lower() in ("y", "yes", "n", "no"):
             request = SetBool.Request(data=line.strip().lower().startswith("y"))

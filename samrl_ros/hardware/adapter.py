@@ -33,7 +33,7 @@ def is_due(last_ns: int, stamp_ns: int) -> bool:
 
 
 def joint_state(message: Any, joints: Mapping[str, int], spec: RobotSpec) -> JointState:
-    """A driver's JointState under our joint names, in our order.
+    """A driver's JointState under our joint names, in our order; joints beside them are left out.
 
     Args:
         message: sensor_msgs/JointState.
@@ -41,17 +41,19 @@ def joint_state(message: Any, joints: Mapping[str, int], spec: RobotSpec) -> Joi
         spec: of the arm.
 
     Raises:
-        InputError: other names, missing values, or numbers that are not finite.
+        InputError: a joint is not there or twice, missing values, or numbers of ours that are not finite.
     """
     names = list(message.name)
-    if sorted(names) != sorted(joints) or len(joints) != len(spec.joint_names):
+    is_whole = set(joints) <= set(names) and len(set(names)) == len(names)
+    if not is_whole or len(joints) != len(spec.joint_names):
         raise InputError(f"joints {names} are not those of the driver's file, {list(joints)}; correct it")
     made = JointState(header=message.header, name=list(spec.joint_names))
     for field in ("position", "velocity", "effort"):
         values = list(getattr(message, field))
-        if len(values) != len(names) or not np.isfinite(values).all():
+        ours = reordered(joints, names, values) if len(values) == len(names) else []
+        if not ours or not np.isfinite(ours).all():
             raise InputError(f"joint state has {field} {values} for {len(names)} joints; check the driver")
-        setattr(made, field, reordered(joints, names, values))
+        setattr(made, field, ours)
     return made
 
 

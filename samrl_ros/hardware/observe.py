@@ -16,7 +16,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from samrl_ros.contract.message_types import message_class
 from samrl_ros.conversions.from_message import stamp_ns
 from samrl_ros.hardware.driver_file import DriverFile
-from samrl_ros.hardware.preflight import LEAST_SAMPLES, ImageSample, JointSample
+from samrl_ros.hardware.preflight import LEAST_SAMPLES, ImageSample, JointSample, is_of
 
 DEPTH = 100  # messages of 1 kHz while the executor is elsewhere
 PATIENCE = 4.0  # wall time to wait for the drivers, in units of the time to listen
@@ -30,9 +30,19 @@ class HeardSamples:
     images: dict[str, list[ImageSample]] = field(default_factory=dict)
 
     def take(self, driver: DriverFile, part: str, stream: str, message: Any, received_s: float) -> None:
-        """Note a message of a part's stream, received at `received_s` by the clock of stamps [s]."""
+        """Note a message of a part's stream, received at `received_s` by the clock of stamps [s].
+
+        Joint states of others on an arm's topic stay only as long as there are none of the arm: they tell
+        which names are there.
+        """
         if driver.kind == "arm":
-            self.arms.setdefault(part, []).append(joint_sample(message, received_s))
+            joints, samples = driver.joints or {}, self.arms.setdefault(part, [])
+            is_known = bool(samples) and is_of(joints, samples[-1].names)
+            if is_of(joints, message.name) and not is_known:
+                samples.clear()
+            elif is_known and not is_of(joints, message.name):
+                return
+            samples.append(joint_sample(message, received_s))
         else:
             self.images.setdefault(stream, []).append(image_sample(message, received_s))
 

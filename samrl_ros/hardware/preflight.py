@@ -80,22 +80,28 @@ def arm_faults(driver: DriverFile, spec: RobotSpec, samples: Sequence[JointSampl
 
 def _wrong_sample(topic: str, joints: Mapping[str, int], sample: JointSample) -> str:
     """Why a sample cannot be read, empty if it can."""
-    if sorted(sample.names) != sorted(joints):
+    if not set(joints) <= set(sample.names) or len(set(sample.names)) < len(sample.names):
         return f"{topic} has joints {list(sample.names)}, the driver's file {list(joints)}; correct `joints`"
     for field in ("position", "velocity", "effort"):
         values = getattr(sample, field)
-        if len(values) != len(joints):
+        if len(values) != len(sample.names):
             return (
-                f"{topic} has {len(values)} values of {field} for {len(joints)} joints; the cell needs them"
+                f"{topic} has {len(values)} values of {field} for {len(sample.names)} joints; the cell needs"
+                " them"
             )
-        if not np.isfinite(values).all():
+        if not np.isfinite(reordered(joints, sample.names, values)).all():
             return f"{topic} has a {field} that is not finite; check the driver"
     return ""
 
 
+def is_of(joints: Mapping[str, int], names: Sequence[str]) -> bool:
+    """Whether a joint state is of an arm; grippers and other arms may publish on the same topic."""
+    return any(name in joints for name in names)
+
+
 def reordered(joints: Mapping[str, int], names: Sequence[str], values: Sequence[float]) -> list[float]:
-    """Values in the order of our joints, from the driver's."""
-    by_number = {joints[name]: value for name, value in zip(names, values, strict=True)}
+    """Values in the order of our joints, from the driver's; those of other joints are left out."""
+    by_number = {joints[name]: value for name, value in zip(names, values, strict=True) if name in joints}
     return [by_number[number] for number in sorted(by_number)]
 
 

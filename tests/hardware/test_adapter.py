@@ -88,6 +88,18 @@ def test_joints_come_back_in_our_order_under_our_names() -> None:
     assert list(made.name) == list(spec.joint_names) and list(made.position) == list(message.position)
 
 
+def test_a_grippers_joints_beside_the_arms_are_left_out() -> None:
+    spec, joints = CELL.tool_arm, DRIVERS["tool_arm"].joints or {}
+    message = JointState(name=["panda_finger_joint1", *joints])
+    message.position = [0.04, *(float(k) for k in range(7))]
+    message.velocity, message.effort = [0.0] * 8, [float("nan"), *[0.5] * 7]
+    made = adapter.joint_state(message, joints, spec)
+    assert list(made.name) == list(spec.joint_names) and list(made.position) == [float(k) for k in range(7)]
+    message.name = ["panda_joint1", *joints]  # which of the two is it?
+    with pytest.raises(InputError, match="driver's file"):
+        adapter.joint_state(message, joints, spec)
+
+
 @pytest.mark.parametrize("spoil", ["name", "effort", "nan"])
 def test_joint_states_that_do_not_fit_are_refused(spoil: str) -> None:
     joints = DRIVERS["camera_arm"].joints or {}

@@ -106,6 +106,38 @@ def test_nothing_is_passed_on_and_nothing_moves_before_the_preflight() -> None:
     assert rig.core.is_checking and not rig.sent and not rig.on(arm_topic("tool_arm", "joint_states"))
 
 
+def test_another_arm_on_the_same_topic_is_passed_over() -> None:
+    """franka_ros2 and flexiv_ros2 both publish /joint_states: each bridge part hears both."""
+    rig = Rig()
+
+    def hear_both(seconds: float) -> None:
+        for _ in range(round(seconds / 0.004)):
+            for part, other in (("tool_arm", "camera_arm"), ("camera_arm", "tool_arm")):
+                rig.core.hear(part, "joint_states", rig.joint_state(other), 1e-9 * rig.now_ns)
+            rig.go_on(0.004)
+
+    hear_both(0.1)
+    assert rig.core.finish_preflight() == []
+    hear_both(0.1)
+    rig.core.start_episode(0)
+    rig.core.begin_episode()
+    hear_both(0.3)
+    rig.command()
+    hear_both(0.02)
+    assert rig.sent and rig.core.refused == 0
+    assert all(list(m.name) == list(SPEC.joint_names) for m in rig.on(arm_topic("tool_arm", "joint_states")))
+
+
+def test_a_topic_with_others_joints_alone_names_them() -> None:
+    rig = Rig()
+    for _ in range(50):
+        rig.now_ns += PERIOD_NS
+        rig.core.hear("tool_arm", "joint_states", rig.joint_state("camera_arm"), 1e-9 * rig.now_ns)
+        rig.core.hear("camera_arm", "joint_states", rig.joint_state("camera_arm"), 1e-9 * rig.now_ns)
+    (fault,) = rig.core.finish_preflight()
+    assert fault.startswith("tool_arm") and "correct `joints`" in fault
+
+
 def test_a_joints_zero_is_taken_off_what_is_heard_and_put_onto_what_is_sent() -> None:
     """The driver's first joint reads 0.02 rad too much, and is told as much more."""
     zero = 0.02 * np.eye(7)[0]

@@ -28,7 +28,7 @@ from samrl_ros.hardware import adapter
 from samrl_ros.hardware.camera_adapter import CameraAdapter
 from samrl_ros.hardware.driver_file import DriverFile
 from samrl_ros.hardware.observe import HeardSamples
-from samrl_ros.hardware.preflight import cell_faults, clock_offsets
+from samrl_ros.hardware.preflight import cell_faults, clock_offsets, is_of
 from samrl_ros.nodes.bridge.arm_guards import ArmGuards
 from samrl_ros.nodes.bridge.operator_episodes import OperatorEpisodes
 from samrl_ros.nodes.bridge.transforms import OPTICAL_FRAME, dynamic_transforms, static_transforms
@@ -134,6 +134,8 @@ class HardwareCore:
         if self._observed is not None:
             self._observed.take(driver, part, stream, message, received_s)
             return
+        if driver.kind == "arm" and not is_of(driver.joints or {}, message.name):
+            return  # a gripper's or another arm's, on the same topic
         stamp_ns = from_message.stamp_ns(message)
         name = part if driver.kind == "arm" else stream
         offset = received_s - 1e-9 * stamp_ns

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from samrl_core.common.errors import InputError
+from samrl_ros.log_import.draft.arm_messages import ARM_MESSAGES, labels_of_array
 from samrl_ros.log_import.draft.column_names import is_time, split_names
 from samrl_ros.log_import.draft.text_layout import text_options
 from samrl_ros.log_import.formats.parquet import is_lerobot
@@ -26,7 +27,16 @@ ROS_TYPES = {
     "control_msgs/msg/JointControllerState": "one joint's set point and feedback",
     "control_msgs/msg/MultiDOFStateStamped": "a controller's set point and feedback",
     "std_msgs/msg/Float64MultiArray": "commands of a forward controller",
+    **{kind: message.about for kind, message in ARM_MESSAGES.items()},
 }
+# Packages whose messages are known and are no joints of a machine; those of a laboratory's own may be.
+_KNOWN_PACKAGES = frozenset(
+    "action_msgs actionlib_msgs bond builtin_interfaces control_msgs diagnostic_msgs dynamic_reconfigure"
+    " geometry_msgs lifecycle_msgs map_msgs moveit_msgs nav_msgs pcl_msgs rcl_interfaces roscpp rosgraph_msgs"
+    " sensor_msgs shape_msgs statistics_msgs std_msgs std_srvs stereo_msgs tf tf2_msgs theora_image_transport"
+    " trajectory_msgs type_description_interfaces unique_identifier_msgs vision_msgs"
+    " visualization_msgs".split()
+)
 _LEAST = 50  # rows of a table that is looked at
 _STAMPS = ("log_time", "header.stamp", "header.seq")  # of a bag's messages; their table has a time
 
@@ -53,7 +63,7 @@ class LogPart:
 
     path: Path
     part: str
-    kind: str  # message type, or empty
+    kind: str  # message type of ROS_TYPES, or empty
     table: Table
     blocks: tuple[LogBlock, ...]
     times: tuple[str, ...]  # columns of numbers that may be time
@@ -62,7 +72,7 @@ class LogPart:
 
     @property
     def ros(self) -> bool:
-        """Whether it is a topic, whose units and stamps are standard."""
+        """Whether it is a topic of a message whose units and stamps are known."""
         return bool(self.kind)
 
 
@@ -78,13 +88,16 @@ def read_parts(path: Path, joints: Sequence[str]) -> list[LogPart]:
     """
     if is_bag(path):
         topics = list_topics(path, "the log")
-        parts = [(t.name, t.type) for t in topics if t.type in ROS_TYPES and t.count >= _LEAST]
+        long = [t for t in topics if t.count >= _LEAST]
+        parts = [(t.name, t.type) for t in long if t.type in ROS_TYPES] or [
+            (t.name, "") for t in long if t.type.partition("/")[0] not in _KNOWN_PACKAGES
+        ]
         if not parts:
             present = ", ".join(f"{t.name} ({t.type})" for t in topics) or "none"
             trees = describe_tree(path) if any(t.type in KINDS for t in topics) else ""
             raise InputError(
-                f"{path} has no topic of {', '.join(sorted(ROS_TYPES))} with {_LEAST} messages; topics are"
-                f" {present}{trees}"
+                f"{path} has no topic of {', '.join(sorted(ROS_TYPES))}, or of messages of its own, with"
+                f" {_LEAST} messages; topics are {present}{trees}"
             )
     elif is_lerobot(path):
         parts = [("0", "")]
@@ -135,7 +148,9 @@ def _part(path: Path, part: str, kind: str, joints: Sequence[str]) -> LogPart:
     for name, values in long.items():
         labelled = any(other.startswith(f"{name}.") for other in flat)
         if values.ndim == 2 and not labelled:
-            labels = tuple(str(k) for k in range(values.shape[1]))
+            count = values.shape[1]
+            known = kind in ARM_MESSAGES
+            labels = labels_of_array(count, joints) if known else tuple(str(k) for k in range(count))
             blocks.append(_block(part, name, labels, (name,), values))
     useful = tuple(block for block in blocks if len(block.values) >= _LEAST)
     return LogPart(path, part, kind, table, useful, times, dates, options)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from samrl_ros.log_import.draft import evidence
+from samrl_ros.log_import.draft.arm_messages import ARM_MESSAGES, is_libfranka
 from samrl_ros.log_import.draft.blocks import LogBlock, LogPart
 from samrl_ros.log_import.draft.column_names import NameMeaning, meaning, words_in
 from samrl_ros.log_import.draft.guess import Draft, Effort
@@ -15,6 +17,7 @@ from samrl_ros.log_import.draft.text_layout import stated_options
 
 # Arms with torque sensors behind the gears, by how their makers' packages name the joints.
 _LINK_SENSORS = ("panda_joint", "fr3_joint", "fer_joint", "iiwa_joint", "lbr_", "lbr_iiwa", "rizon", "gen3_")
+_OF_DRIVES = frozenset("motor motors drive drives actuator actuators".split())
 _FOLLOWS = 0.8  # correlation from which a block is taken as what the arm followed
 _MOVES_WITH = 0.98  # correlation from which a block of an unknown name is taken as the command, and asked for
 
@@ -229,9 +232,23 @@ def _add_follower(
 
 
 def add_effort(
-    found: list[NamedBlock], position: NamedBlock, order: list[str], effort: Effort, draft: Draft
+    found: list[NamedBlock],
+    position: NamedBlock,
+    order: list[str],
+    effort: Effort,
+    draft: Draft,
+    leaves_gravity_out: Callable[[NamedBlock], bool],
 ) -> list[NamedBlock]:
-    """Measured efforts where they belong, with a question where nothing says where; the blocks used."""
+    """Measured efforts where they belong, with a question where nothing says where; the blocks used.
+
+    Args:
+        found: blocks of the log.
+        position: the measured one.
+        order: labels of the joints.
+        effort: what measured efforts are.
+        draft: what is added to.
+        leaves_gravity_out: whether a commanded torque shows that the robot adds gravity's to it.
+    """
     if effort is Effort.passive:
         draft.note("channels.commanded_effort.effort", "as stated: nothing drives the joints")
         draft.channels["commanded_effort"] = {"source": "states", "effort": [0.0] * len(order)}
@@ -247,8 +264,9 @@ def add_effort(
         draft.unused.append(
             f"{name_of(each)}: multiply by torque constant and gear ratio, then use it as effort"
         )
-    if commanded := _add_commanded_effort(found, position, order, draft):
-        link = effort is Effort.link or (effort is Effort.ask and _measure_behind_gears(draft))
+    behind = measured and _measure_behind_gears(measured[0], draft)
+    link = effort is Effort.link or (effort is Effort.ask and bool(behind))
+    if commanded := _add_commanded_effort(found, position, order, draft, leaves_gravity_out):
         if not (measured and link):
             draft.unused += [f"{name_of(each)}: beside the commanded torque" for each in measured]
             return [commanded, *measured[:1], *currents]
@@ -259,7 +277,6 @@ def add_effort(
             draft.note("channels.states.effort", "no efforts were found", question if undriven else "")
         return currents
     best = measured[0]
-    link = effort is Effort.link or (effort is Effort.ask and _measure_behind_gears(draft))
     unit, is_told = _torque_unit(best)
     unit_question = "" if is_told else f"is {name_of(best)} in N m?"
     quantity = quantity_of(best, order, unit, draft, "states")
@@ -283,19 +300,29 @@ def add_effort(
 
 def _torque_unit(best: NamedBlock) -> tuple[str, bool]:
     """Unit of a torque, and whether the log tells it: messages of ROS by their type, others by the name."""
-    unit = "" if best.part.ros else best.meaning.unit
-    return unit or "N m", bool(best.part.ros or unit)
+    known = best.part.ros or is_libfranka([block.stem for block in best.part.blocks])
+    unit = "" if known else best.meaning.unit
+    return unit or "N m", bool(known or unit)
 
 
-def _measure_behind_gears(draft: Draft) -> bool:
-    """Whether the joints' names are those of arms with torque sensors at the links."""
-    return all(name.startswith(_LINK_SENSORS) for name in draft.joints)
+def _measure_behind_gears(torque: NamedBlock, draft: Draft) -> bool:
+    """Whether the message, or the joints' names, are those of arms with torque sensors at the links.
+
+    A torque that is called a motor's is not that of a sensor.
+    """
+    if _OF_DRIVES & set(words_in(torque.block.stem)):
+        return False
+    return torque.part.kind in ARM_MESSAGES or all(name.startswith(_LINK_SENSORS) for name in draft.joints)
 
 
 def _add_commanded_effort(
-    found: list[NamedBlock], position: NamedBlock, order: list[str], draft: Draft
+    found: list[NamedBlock],
+    position: NamedBlock,
+    order: list[str],
+    draft: Draft,
+    leaves_gravity_out: Callable[[NamedBlock], bool],
 ) -> NamedBlock | None:
-    """A torque whose name says that it was commanded; None where there is none."""
+    """A torque whose name says that it was commanded; None where there is none, or one without gravity."""
     there = [
         c
         for c in found
@@ -308,8 +335,14 @@ def _add_commanded_effort(
     if not there:
         return None
     best = there[0]
+    if leaves_gravity_out(best):
+        draft.unused.append(
+            f"{name_of(best)}: commanded without the gravity that the robot adds itself; add that, then use"
+            " it as commanded_effort"
+        )
+        return None
     unit, is_told = _torque_unit(best)
-    question = "" if is_told else f"is {name_of(best)} in N m, at the joints?"
+    question = "" if is_told else f"is {name_of(best)} in N m, at the joints, with gravity's share?"
     reason = f"{name_of(best)}: the name says a commanded torque"
     draft.note("channels.commanded_effort.effort", reason, question, "torque_unit")
     quantity = quantity_of(best, order, unit, draft, "states")

@@ -15,8 +15,8 @@ _ELECTRIC = re.compile(r"(?:[\[(]|_)(m?[VA])(?:[\])]|$)")  # unit of a motor's i
 QUANTITIES = {
     "position": "q pos position positions qpos theta angle angles rad deg counts encoder enc tick ticks"
     " winkel",
-    "velocity": "dq qdot qvel vel velocity velocities speed speeds omega rpm drehzahl",
-    "acceleration": "ddq qddot acc accel acceleration accelerations",
+    "velocity": "dq dtheta qdot qvel vel velocity velocities speed speeds omega rpm drehzahl",
+    "acceleration": "ddq ddtheta qddot acc accel acceleration accelerations",
     "effort": "tau torque torques effort efforts moment force forces nm drehmoment kraft",
     "current": "current currents cur curr amps amp ampere iq strom",
     "voltage": "voltage voltages volt volts pwm duty spannung",
@@ -26,6 +26,8 @@ COMMANDED = "cmd command commanded commands target targets ref reference desired
 COMMANDED += " set point action wanted control d"
 MEASURED = "actual act meas measured feedback state states obs observation present real process value"
 COMPUTED = "error err output residual integral multi"
+# Of a torque: a share that somebody worked out of it, or its rate.
+SHARES = "ext external hat interact interaction gravity g coriolis friction contact disturbance dot rate"
 TIME = "t time times timestamp timestamps stamp stamps sec secs seconds ms us ns clock zeit"
 UNIT_WORDS = {
     "rad": "rad", "deg": "deg", "degrees": "deg", "degree": "deg", "rpm": "rpm", "nm": "N m", "ms": "ms",
@@ -46,7 +48,8 @@ BASES = frozenset("base world link0 root origin o".split())  # o: of libfranka's
 _ANGLES, _PER_SECOND = frozenset("rad deg degrees degree mrad rev".split()), frozenset("s sec".split())
 _QUANTITY_OF = {word: quantity for quantity, words in QUANTITIES.items() for word in words.split()}
 _COMMANDED, _MEASURED = set(COMMANDED.split()), set(MEASURED.split())
-_COMPUTED, _TIME = set(COMPUTED.split()), set(TIME.split())
+_COMPUTED, _SHARES, _TIME = set(COMPUTED.split()), set(SHARES.split()), set(TIME.split())
+_RATES = {"dot": "velocity", "ddot": "acceleration"}  # of a position: q_dot, theta_dot
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,8 @@ def meaning(name: str) -> NameMeaning:
         quantities.append("velocity")
     # The last word that names something other than an angle: `joint_position_velocity` does not occur.
     quantity = next((q for q in reversed(quantities) if q != "position"), quantities[0] if quantities else "")
+    if quantity == "position" and (dot := next((word for word in words if word in _RATES), "")):
+        quantity = _RATES[dot]
     units = [UNIT_WORDS[word] for word in words if word in UNIT_WORDS]
     if quantity in ("", "position") and (rate := _rate_in(words)):
         quantity, units = rate, []  # qd_deg_s
@@ -79,7 +84,7 @@ def meaning(name: str) -> NameMeaning:
         quantity=quantity,
         commanded=bool(found & _COMMANDED),
         measured=bool(found & _MEASURED),
-        computed=bool(found & _COMPUTED),
+        computed=bool(found & _COMPUTED) or (quantity == "effort" and bool(found & _SHARES)),
         unit=units[-1] if units else "",
     )
 

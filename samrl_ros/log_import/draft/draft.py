@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_folder
+from samrl_ros.log_import.draft.arm_messages import ARM_MESSAGES, is_libfranka, numbered_joints
 from samrl_ros.log_import.draft.blocks import LogBlock, LogPart, read_parts
 from samrl_ros.log_import.draft.channels import (
     NamedBlock,
@@ -24,7 +26,7 @@ from samrl_ros.log_import.draft.channels import (
 )
 from samrl_ros.log_import.draft.column_names import NameMeaning, meaning, words_in
 from samrl_ros.log_import.draft.guess import Draft, Effort
-from samrl_ros.log_import.draft.told_by_model import settle_by_model, told_by_model
+from samrl_ros.log_import.draft.told_by_model import is_without_gravity, settle_by_model, told_by_model
 from samrl_ros.log_import.formats.parquet import episodes, is_lerobot
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics, read_text_topic
 from samrl_ros.log_import.tables import RARELY_LOGS, SUFFIXES
@@ -87,7 +89,14 @@ def draft_mapping(
     used = [position]
     used += add_velocity(found, position, order, unit, time, states, draft)
     used += add_command(found, position, order, unit, time, draft)
-    used += add_effort(found, position, order, effort, draft)
+    used += add_effort(
+        found,
+        position,
+        order,
+        effort,
+        draft,
+        partial(_leaves_gravity_out, urdf, position, order, unit, time, draft),
+    )
     if urdf is not None:
         _ask_model(urdf, position, order, unit, time, used, draft)
     for each in found:
@@ -125,6 +134,26 @@ def _ask_model(
     )
     if told is not None:
         settle_by_model(draft, told, unit)
+
+
+def _leaves_gravity_out(
+    urdf: str | None,
+    position: NamedBlock,
+    order: list[str],
+    unit: str,
+    time: np.ndarray,
+    draft: Draft,
+    commanded: NamedBlock,
+) -> bool:
+    """Whether a commanded torque has no share of gravity: by libfranka's name, or by the model."""
+    if words_in(commanded.block.stem)[:3] == ["tau", "j", "d"]:
+        return True  # libfranka's RobotState: "without gravity"
+    if urdf is None:
+        return False
+    rows = position.block.rows & commanded.block.rows
+    q = position.block.ordered(order)[rows[position.block.rows]]
+    tau = commanded.block.ordered(order)[rows[commanded.block.rows]]
+    return is_without_gravity(urdf, draft.joints, time[rows], q, unit, tau)
 
 
 def _label_by_name(each: NamedBlock, order: Sequence[str]) -> NamedBlock:
@@ -206,6 +235,8 @@ def _described(files: list[Path], draft: Draft) -> str | None:
 
 def _meaning(part: LogPart, block: LogBlock, several: bool) -> NameMeaning:
     """Of the column; what it leaves open, of the part, and of the file where there are several."""
+    if part.kind in ARM_MESSAGES:
+        return ARM_MESSAGES[part.kind].meaning(block.stem)
     own = meaning(block.stem)
     for name in (part.part, part.path.stem if several else ""):
         more = meaning(name) if name else NameMeaning()
@@ -273,6 +304,11 @@ def _joints(position: NamedBlock, joints: Sequence[str], urdf: str | None, draft
         )
         draft.note("joints", "names that log and URDF share, in the URDF's order", question)
         return there
+    numbered = numbered_joints(len(labels), joints)
+    if numbered and sorted(labels) == sorted(str(k + 1) for k in range(len(labels))):
+        draft.joints = list(numbered)
+        draft.note("joints", "the log's numbers are those that the URDF's joints end with")
+        return [str(k + 1) for k in range(len(labels))]
     if joints and len(joints) == len(labels):
         draft.joints = list(joints)
         shown = ", ".join(
@@ -310,6 +346,9 @@ def _position_unit(position: NamedBlock, draft: Draft) -> str:
         return position.meaning.unit
     if position.block.stem in _RTDE:
         draft.note(key, "Universal Robots' RTDE gives joint positions in rad")
+        return "rad"
+    if is_libfranka([block.stem for block in position.part.blocks]):
+        draft.note(key, "columns are called as libfranka's: rad, rad/s, N m")
         return "rad"
     largest = float(np.abs(values).max())
     if (values == np.round(values)).all() and set(words_in(position.block.stem)) & _COUNTED:

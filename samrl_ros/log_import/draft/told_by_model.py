@@ -119,6 +119,21 @@ def settle_by_model(draft: Draft, told: ToldByModel, unit: str) -> None:
         draft.settle("torque_unit", follow)
 
 
+def is_without_gravity(
+    urdf: str, joints: Sequence[str], time: np.ndarray, position: np.ndarray, unit: str, effort: np.ndarray
+) -> bool:
+    """Whether torques follow the model's without gravity, and surely not with it; arguments as above."""
+    try:
+        arm = RigidArm(ArmDescription("tool_arm", tuple(joints), urdf, None))
+    except InputError:
+        return False
+    log = None if unit not in UNITS or any(arm.slides) else _Log.of(time, position, effort)
+    if log is None:
+        return False
+    whole, rest = (log.against(arm, UNITS[unit], weighs=weighs).likelihood for weighs in (True, False))
+    return rest - whole > _SURELY
+
+
 def _within_limits(arm: RigidArm, position: np.ndarray) -> bool:
     low, high = arm.position_limits()
     return bool(((position > low - _BEYOND) & (position < high + _BEYOND)).all())
@@ -160,14 +175,17 @@ class _Log:
         count = min(len(keep), _PER_SECOND * (grid[-1] - grid[0]))
         return cls(*(block[keep] for block in (*smooth, tau)), independent=float(count))
 
-    def against(self, arm: RigidArm, factor: float, exchanged: tuple[int, int] | None = None) -> _Fit:
-        """The torques as the model's, the joint's own friction, and an offset."""
+    def against(
+        self, arm: RigidArm, factor: float, exchanged: tuple[int, int] | None = None, weighs: bool = True
+    ) -> _Fit:
+        """The torques as the model's (`weighs`: with gravity's), the joint's own friction, and an offset."""
         order = list(range(self.q.shape[1]))
         if exchanged is not None:
             a, b = exchanged
             order[a], order[b] = order[b], order[a]
         q, dq, ddq = (factor * block[:, order] for block in (self.q, self.dq, self.ddq))
         modelled, tau = arm.inverse_dynamics(q, dq, ddq), self.tau[:, order]
+        modelled = modelled if weighs else modelled - arm.gravity(q)
         likelihood, slopes, carries = 0.0, np.zeros(len(order)), np.zeros(len(order), dtype=bool)
         for j in range(len(order)):
             speed = dq[:, j]

@@ -1,0 +1,87 @@
+"""What fields of arms' own state messages are, as their makers document them.
+
+Sources: `franka_msgs` of github.com/frankaemika/franka_ros and franka_ros2 with libfranka's `RobotState`,
+`flexiv_msgs` of github.com/flexivrobotics/flexiv_ros2, `lbr_fri_idl` of github.com/lbr-stack.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from samrl_ros.log_import.draft.column_names import NameMeaning, words_in
+
+_POSITION, _VELOCITY, _EFFORT = (
+    NameMeaning(quantity, measured=True) for quantity in ("position", "velocity", "effort")
+)
+_ASKED, _ASKED_RATE = (NameMeaning(quantity, commanded=True) for quantity in ("position", "velocity"))
+_ELSE = NameMeaning(computed=True)
+_NUMBERED = re.compile(r"(.*?)(\d+)$")
+
+
+@dataclass(frozen=True)
+class ArmMessage:
+    """In SI units; arrays go from the base to the flange, torques are of sensors behind the gears."""
+
+    about: str
+    fields: dict[str, NameMeaning]  # by stem; of others nothing is used
+
+    def meaning(self, stem: str) -> NameMeaning:
+        """Of a field; of one that is neither measured joint states nor what they follow, `computed`."""
+        return self.fields.get(stem, _ELSE)
+
+
+ARM_MESSAGES = {
+    "franka_msgs/msg/FrankaState": ArmMessage(
+        "libfranka's state of the robot",
+        # tau_J_d leaves gravity out, dtau_J is a rate, tau_ext_hat_filtered an estimate, theta the motors'.
+        {"q": _POSITION, "dq": _VELOCITY, "tau_J": _EFFORT, "q_d": _ASKED, "dq_d": _ASKED_RATE},
+    ),
+    "franka_msgs/msg/FrankaRobotState": ArmMessage(
+        "libfranka's state of the robot",
+        {
+            "measured_joint_state.position.{}": _POSITION,
+            "measured_joint_state.velocity.{}": _VELOCITY,
+            "measured_joint_state.effort.{}": _EFFORT,
+            "desired_joint_state.position.{}": _ASKED,
+            "desired_joint_state.velocity.{}": _ASKED_RATE,
+        },
+    ),
+    "flexiv_msgs/msg/RobotStates": ArmMessage(
+        "Flexiv's state of the robot", {"q": _POSITION, "dq": _VELOCITY, "tau": _EFFORT}
+    ),
+    "lbr_fri_idl/msg/LBRState": ArmMessage(
+        "KUKA's state of the robot (FRI)",
+        {
+            "measured_joint_position": _POSITION,
+            "measured_torque": _EFFORT,
+            "commanded_joint_position": _ASKED,
+        },
+    ),
+}
+
+
+def labels_of_array(count: int, joints: Sequence[str]) -> tuple[str, ...]:
+    """Joints of an array from the base to the flange; numbers from 1 where the description has no such."""
+    named = numbered_joints(count, joints) or (tuple(joints) if len(joints) == count else ())
+    return named or tuple(str(k) for k in range(1, count + 1))
+
+
+def numbered_joints(count: int, joints: Sequence[str]) -> tuple[str, ...]:
+    """Joints of a description whose names end with 1 to `count`, in this order, fingers beside them or not.
+
+    Empty where there are none, or more than one such row.
+    """
+    rows: dict[str, dict[int, str]] = {}
+    for joint in joints:
+        if found := _NUMBERED.match(joint):
+            rows.setdefault(found[1], {})[int(found[2])] = joint
+    whole = [row for row in rows.values() if sorted(row) == list(range(1, count + 1))]
+    return tuple(whole[0][k] for k in range(1, count + 1)) if len(whole) == 1 else ()
+
+
+def is_libfranka(stems: Sequence[str]) -> bool:
+    """Whether a log's columns are called as libfranka's `RobotState` has them: rad, rad/s and N m."""
+    first = {tuple(words_in(stem)[:2]) for stem in stems}
+    return ("tau", "j") in first and any(words[:1] == ("q",) for words in first)

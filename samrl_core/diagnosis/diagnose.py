@@ -92,7 +92,8 @@ def diagnose(
         raise InputError("no recording to fit; give at least one that is not held out")
     kind = kind_of([*fit, *held_out])
     alike, dropped = kind.alike([*fit, *held_out])
-    fit, held_out, notes = alike[: len(fit)], alike[len(fit) :], [*notes, *dropped]
+    fit, held_out, left_out = kind.usable(alike[: len(fit)], alike[len(fit) :])
+    notes = [*notes, *dropped, *left_out]
     effects = library(settings.library, kind)
     clock, timings = time.monotonic(), {}
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from scipy.integrate import solve_ivp
 
 from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
+from samrl_core.diagnosis.kinds.arms import Arms
 from samrl_core.diagnosis.residuals.signal_noise import follows
 from samrl_ros.log_import.draft.guess import Effort
 from samrl_ros.log_import.foreign import read_foreign
@@ -75,3 +77,17 @@ def test_half_the_samples_tell_the_others(frequency: float, told: bool) -> None:
     assert follows(np.sin(2 * np.pi * frequency * time), 2) == told
     assert follows(np.cos(2 * np.pi * frequency * time), 1) == told
     assert not follows(np.random.default_rng(0).standard_normal((300, 1)), 1)
+
+
+def test_a_recording_that_moves_too_fast_is_left_out(tmp_path: Path) -> None:
+    """Beside one that its rate tells, whether both are fitted or one is held out; it says so."""
+    told = swing(tmp_path / "told.csv", 0.0, 1)
+    fast = replace(swing(tmp_path / "fast.csv", 0.0, 3, 12.0), name="fast")
+    fitted, held_out, notes = Arms().usable([told, fast], [fast])
+    assert list(fitted) == [told] and not held_out
+    assert len(notes) == 2 and "fast does not tell accelerations at 10 Hz" in notes[0]
+    assert "log at 60 Hz or more" in notes[0]
+    diagnosis, _ = diagnose([told, fast], [told], LIBRARY)
+    assert diagnosis.verdict == "no_gap" and any("fast is left out" in note for note in diagnosis.notes)
+    diagnosis, _ = diagnose([fast], [told], LIBRARY)
+    assert diagnosis.verdict == "not_testable" and "moves faster" in diagnosis.reasons[0]

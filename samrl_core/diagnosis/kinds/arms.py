@@ -21,6 +21,7 @@ from samrl_core.diagnosis.recordings.in_common import in_common
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.motion import FAST_HZ
 from samrl_core.diagnosis.residuals.observed import Observed
+from samrl_core.diagnosis.residuals.signal_noise import regular, tells_accelerations, without_differences
 from samrl_core.diagnosis.residuals.trial import (
     Trial,
     as_arms,
@@ -53,6 +54,22 @@ class Arms(Kind[ArmRecording]):
                     "diagnose one arm at a time"
                 )
         return in_common(recordings)
+
+    def usable(
+        self, fit: Sequence[ArmRecording], held_out: Sequence[ArmRecording]
+    ) -> tuple[Sequence[ArmRecording], Sequence[ArmRecording], list[str]]:
+        wanted = any(forms_dynamics(r) for r in fit)
+        notes = []
+        for recording in (*fit, *held_out):
+            if forms_dynamics(recording) != wanted:
+                slow = recording if wanted else fit[0]
+                notes.append(
+                    f"{recording.name} is left out: {slow.name} does not tell accelerations at"
+                    f" {log_rate(slow):.3g} Hz, and {'others do' if wanted else 'this one does'}; log at"
+                    f" {FAST_HZ:.0f} Hz or more, or move slower"
+                )
+        fitted, others = ([r for r in part if forms_dynamics(r) == wanted] for part in (fit, held_out))
+        return fitted, others, notes
 
     def trials(
         self, fit: Sequence[ArmRecording], held_out: Sequence[ArmRecording]
@@ -110,6 +127,18 @@ class Arms(Kind[ArmRecording]):
         return with_joint_units(diagnosis, as_arms([trial])[0].recording.arm)
 
 
+def log_rate(recording: ArmRecording) -> float:
+    """Samples a second of the states [Hz]."""
+    return 1.0 / float(np.median(np.diff(regular(recording.states.time))))
+
+
+def forms_dynamics(recording: ArmRecording) -> bool:
+    """Whether equations of motion can be formed: a slow log needs torques and a motion that it follows."""
+    rate = log_rate(recording)
+    torque = recording.commanded_effort is not None or recording.states.effort is not None
+    return rate > FAST_HZ or (torque and tells_accelerations(without_differences(recording.states), rate))
+
+
 def arm_trials(
     fit: Sequence[ArmRecording], held_out: Sequence[ArmRecording]
 ) -> tuple[list[Trial], list[Trial]]:
@@ -129,6 +158,9 @@ def arm_trials(
     for trial in out:
         trial.fastest, trial.strongest, trial.travel = fastest, strongest, travel
     common = set.intersection(*(set(t.channels) for t in fitted))
+    if not common and any(t.channels for t in fitted):
+        each = "; ".join(f"{t.name}: {', '.join(t.channels) or 'none'}" for t in fitted)
+        raise InputError(f"no channel can be formed of all fitted recordings ({each}); fit them one by one")
     for trial, recording in zip(out, [*fit, *held_out], strict=True):
         if set(trial.channels) != common and not set(trial.channels) >= common:
             raise InputError(

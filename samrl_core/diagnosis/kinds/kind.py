@@ -48,6 +48,10 @@ class Kind(ABC, Generic[R]):
     def alike(self, recordings: Sequence[R]) -> tuple[list[R], list[str]]:
         """The recordings reduced to what all of them carry, with notes. Raises `InputError`."""
 
+    def usable(self, fit: Sequence[R], held_out: Sequence[R]) -> tuple[Sequence[R], Sequence[R], list[str]]:
+        """Those that tell the same as the fitted ones, with a note for each that is left out."""
+        return fit, held_out, []
+
     @abstractmethod
     def trials(self, fit: Sequence[R], held_out: Sequence[R]) -> tuple[list[Observed], list[Observed]]:
         """Residuals of fitted and held-out recordings. Raises `InputError`."""

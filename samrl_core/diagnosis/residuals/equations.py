@@ -21,7 +21,8 @@ from samrl_core.cell.types.arm_description import HELD, ArmDescription
 from samrl_core.diagnosis.residuals.basis_functions import smooth_sign
 from samrl_core.diagnosis.residuals.motion import FAST_HZ, RecordedMotion
 from samrl_core.diagnosis.residuals.noise_color import NoiseColor
-from samrl_core.diagnosis.residuals.signal_noise import unknown_acceleration, white_noise
+from samrl_core.diagnosis.residuals.rounding import rounding_noise, widen_at_edges, widen_where_held
+from samrl_core.diagnosis.residuals.signal_noise import sample_detail, unknown_acceleration, white_noise
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
 CHANNELS = ("controller", "drive", "link", "dynamics", "tracking")
@@ -142,7 +143,8 @@ def form_equations(motion: RecordedMotion) -> Equations:
     elif motion.command is not None and _has_loop(arm) and u is not None:
         law, lag, raw = _controller_residual(motion)
         residual["controller"] = motion.reduce(raw)
-        level = np.hypot(share * _high_frequency(raw), floor)
+        rounded = rounding_noise(motion, raw)
+        level = np.hypot(share * np.maximum(sample_detail(raw), rounded), floor)
         assert arm.controller is not None
         if motion.raw_velocity is None:  # the law then damps differences of noisy positions
             damped = arm.controller.damping
@@ -154,7 +156,8 @@ def form_equations(motion: RecordedMotion) -> Equations:
         level = np.hypot(level, np.hypot(_between_commands(motion), _fast_walk(motion)))
         # What an integral held when the recording began is unknown, and no part of a formula.
         own = residual["controller"] - np.where(integrates(arm), residual["controller"].mean(axis=0), 0.0)
-        sigma["controller"] = _past_wider(_edges_wider(_spread(level, own), motion), motion, scale)
+        wider = widen_where_held(_spread(level, own), motion, rounded)
+        sigma["controller"] = _past_wider(widen_at_edges(wider, motion), motion, scale)
     if u is not None and tau is not None:
         residual["drive"] = u - rotor - tau
         rotor_noise = armature(arm) * np.sqrt(motion.acceleration_noise(0.0, motion.band))
@@ -177,7 +180,7 @@ def form_equations(motion: RecordedMotion) -> Equations:
         sigma["dynamics"] = _rest_wider(_spread(level, residual["dynamics"]), motion, scale)
         sigma["dynamics"] = _unknown_wider(sigma["dynamics"], motion, rigid)
         if motion.computed:
-            sigma["dynamics"] = _past_wider(_edges_wider(sigma["dynamics"], motion), motion, scale)
+            sigma["dynamics"] = _past_wider(widen_at_edges(sigma["dynamics"], motion), motion, scale)
     return Equations(motion, residual, sigma, law, lag, model, color)
 
 
@@ -269,12 +272,12 @@ def _controller_residual(motion: RecordedMotion) -> tuple[np.ndarray, int, np.nd
     """
     u, limit = motion.asked, motion.limit()
     assert u is not None
-    own = float(np.sum(_high_frequency(u)))
+    own = float(np.sum(sample_detail(u)))
     best: tuple[float, int, np.ndarray] | None = None
     for lag in sorted(range(-MAX_LAG, MAX_LAG + 1), key=abs):
         # The command is not shifted: a late command is an effect, a late log of states is not.
         law = motion.law(lag=lag).total
-        rough = float(np.sum(_high_frequency(np.clip(law, -limit, limit) - u)))
+        rough = float(np.sum(sample_detail(np.clip(law, -limit, limit) - u)))
         if lag and rough > own:
             continue
         rough += 1e-4 * float(np.sum(np.std(u, axis=0)))  # a noise-free log must not be decided by rounding
@@ -283,12 +286,6 @@ def _controller_residual(motion: RecordedMotion) -> tuple[np.ndarray, int, np.nd
             best = (rough * (1.2 if lag else 1.0), lag, law)
     assert best is not None
     return best[2], best[1], motion.enabled * (np.clip(best[2], -limit, limit) - u)
-
-
-def _high_frequency(x: np.ndarray) -> np.ndarray:
-    """Standard deviation (J,) of sample-to-sample detail, robust against single spikes."""
-    detail = np.diff(x, n=2, axis=0) / np.sqrt(6.0)
-    return 1.4826 * np.median(np.abs(detail), axis=0)
 
 
 def _acceleration_noise(motion: RecordedMotion, rigid: RigidArm) -> np.ndarray:
@@ -367,16 +364,6 @@ def _spread(level: np.ndarray, residual: np.ndarray) -> np.ndarray:
     """Noise level (J,) as (N, J), with the relative floor of each block."""
     typical = np.sqrt(np.mean(residual**2, axis=0))
     return np.broadcast_to(np.hypot(level, RELATIVE_FLOOR * typical), residual.shape).copy()
-
-
-def _edges_wider(sigma: np.ndarray, motion: RecordedMotion) -> np.ndarray:
-    """Noise (N, J) of a law's torque, larger where readings may lie on either side of a dead band's edge."""
-    variance = motion.rounding_variance
-    if not np.any(variance > 0):
-        return sigma
-    assert motion.raw_position is not None  # the law read it
-    held = np.diff(motion.raw_position, axis=0, prepend=np.nan) == 0.0
-    return np.hypot(sigma, np.sqrt(motion.reduce_variance(variance, held)))
 
 
 def _rest_wider(sigma: np.ndarray, motion: RecordedMotion, scale: np.ndarray) -> np.ndarray:

@@ -132,3 +132,9 @@ def white_noise(x: np.ndarray, rate: float) -> np.ndarray:
     upper = frequency > 0.25 * rate
     # The median of a chi-square with 2 degrees of freedom per average is below its mean: 0.69 at worst.
     return np.sqrt(np.median(power[upper], axis=0) * rate / 2.0)
+
+
+def sample_detail(x: np.ndarray, stride: int = 1) -> np.ndarray:
+    """Standard deviation (J,) of the detail of (F, J) between samples so far apart, but for single spikes."""
+    detail = (x[2 * stride :] - 2.0 * x[stride:-stride] + x[: -2 * stride]) / np.sqrt(6.0)
+    return 1.4826 * np.median(np.abs(detail), axis=0)

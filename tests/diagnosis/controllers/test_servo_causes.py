@@ -21,6 +21,7 @@ from samrl_core.diagnosis.residuals.control_law import squared_rounding_error
 from samrl_core.diagnosis.residuals.equations import _controller_residual, integrated_terms
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.motion import RecordedMotion
+from samrl_core.diagnosis.residuals.rounding import rounding_noise
 from samrl_core.diagnosis.residuals.signal_band import SignalBand
 from samrl_core.diagnosis.residuals.signal_noise import quantum
 from samrl_core.diagnosis.residuals.trial import Trial
@@ -146,6 +147,31 @@ def test_the_fast_part_of_an_integral_of_noise_is_in_the_likelihood() -> None:
     span = trial.motion.time[-1] - trial.motion.time[0]
     beyond = walk * np.sqrt(2.0 * span / (np.pi**2 * 60))
     assert trial.sigma["controller"].min() >= beyond
+
+
+@pytest.mark.parametrize("read", ["finely", "in counts"])
+def test_a_slow_axis_keeps_the_error_of_a_rounded_log(read: str) -> None:
+    """Differences of neighbours hardly show it; of a drive that reads the log's counts there is none."""
+    slower = {name: lambda t, p=path: p(0.1 * t) for name, path in POSITION_SERVO.paths.items()}
+    step = 4e-3
+    servo = replace(
+        POSITION_SERVO, records="standstill", paths=slower, resolution=step * (read == "in counts")
+    )
+    recording = recorded(servo)[0]
+    position = recording.states.position
+    assert position is not None
+    counts = np.round(position / step) * step
+    trial = trial_of(replace(recording, states=replace(recording.states, position=counts)))
+    sigma = trial.sigma["controller"][:, 0]
+    ratio = np.sqrt(np.mean((trial.residual["controller"][:, 0] / sigma) ** 2))
+    motion, most = trial.motion, 30.0 * step / np.sqrt(12.0)
+    assert motion.asked is not None
+    found = rounding_noise(motion, motion.described_law.total - motion.asked)[0]
+    if read == "finely":
+        assert ratio < 1.1 and sigma.max() == pytest.approx(most, rel=0.5)
+        assert found == pytest.approx(most, rel=0.2)
+    else:
+        assert found < 0.5 * most
 
 
 def without_speed(recording: ArmRecording) -> ArmRecording:

@@ -29,17 +29,17 @@ def moved_by_camera(
         camera: world-to-camera rotation (..., 3, 3) and translation (..., 3) [m] that the image is of.
         lens: that it was taken with.
     """
-    rotation, translation = (part.to(channels.device, torch.float64) for part in camera)
+    rotation, translation = (part.to(channels) for part in camera)
     still = channels.detach()
-    near = torch.where(torch.isfinite(depth), 1.0 / depth, torch.zeros_like(depth)).detach().double()
+    near = torch.where(torch.isfinite(depth), 1.0 / depth, torch.zeros_like(depth)).detach().to(channels)
     count = (-1, 1, *near.shape[-2:])
-    total = still.to(torch.float64)
+    total = still
     for axis, (size, padding) in enumerate((((1, 3), (0, 1)), ((3, 1), (1, 0)))):
         # Along a row, then along a column: the nearest of the three pixels whose difference is taken.
         front = functional.max_pool2d(near.reshape(count), size, stride=1, padding=padding)
         motion = _pixel_motion(front.reshape(near.shape), (rotation, translation), lens, axis)
-        total = total - _difference(still, -1 - axis).double() * motion.unsqueeze(-3)
-    return total.to(channels.dtype)
+        total = total - _difference(still, -1 - axis) * motion.unsqueeze(-3)
+    return total
 
 
 def _difference(channels: torch.Tensor, dimension: int) -> torch.Tensor:

@@ -256,6 +256,7 @@ def _conclude(
         heatmap=grid,
         tiles=tile_gaps(likelihood, z, k, does),
         information={} if chosen is None else kind.information(likelihood, chosen),
+        least_sizes=tuple(kind.least_sizes(evidence, effects, selection.threshold)),
         timelines=timelines(likelihood, z, k, onsets, does),
         curves=tuple(c for c in curves if c is not None),
         tracked=track(evidence, chosen, unnamed, np.random.default_rng(settings.seed), kind.effects)

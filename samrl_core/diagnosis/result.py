@@ -38,6 +38,22 @@ class NamedEffect:
 
 
 @dataclass(frozen=True)
+class LeastSize:
+    """From which size on recordings show an effect, alone: about every other one of that size is named."""
+
+    effect: str  # family@place
+    parameter: str
+    unit: str
+    stated: tuple[float, float]  # down and up, tolerances as stated; NaN beyond what is searched
+    exact: tuple[float, float]  # the same if nothing else were off by anything
+
+    @property
+    def family(self) -> str:
+        """Of the effect."""
+        return self.effect.partition("@")[0]
+
+
+@dataclass(frozen=True)
 class WhereItem:
     """A part of the recordings in which the gap is significant; strongest first."""
 
@@ -185,6 +201,7 @@ class Diagnosis:
     tiles: tuple[TileGaps, ...] = ()  # of images
     # Effect -> parameter -> least standard deviation that these recordings allow, were all else as stated.
     information: dict[str, dict[str, float]] = field(default_factory=dict)
+    least_sizes: tuple[LeastSize, ...] = ()  # of effects that would have been seen
     timelines: tuple[Timeline, ...] = ()
     curves: tuple[Curve, ...] = ()
     overlays: tuple[Overlay, ...] = ()

@@ -21,8 +21,8 @@ def to_json(diagnosis: Diagnosis) -> dict:
     """The diagnosis as plain JSON values; what is not finite becomes null.
 
     Beyond the contract: reasons, alarms, notes, runner_ups, tracked, nearest, signatures, couplings, heatmap,
-    tiles, information, timelines, curves, timings, settings, arm. The traces of overlays and the data
-    points of curves are left to report.html.
+    tiles, information, least_sizes, timelines, curves, timings, settings, arm. The traces of overlays and
+    the data points of curves are left to report.html.
 
     Raises:
         InputError: a value in `settings` that JSON cannot hold, or a report that breaks its own schema.
@@ -70,6 +70,7 @@ def to_json(diagnosis: Diagnosis) -> dict:
         },
         "tiles": [asdict(t) for t in d.tiles],
         "information": d.information,
+        "least_sizes": [asdict(s) for s in d.least_sizes],
         "timelines": [
             {
                 "recording": t.recording,

@@ -23,6 +23,8 @@ def summary(diagnosis: Diagnosis, files: Sequence[str] = ()) -> list[str]:
         lines += _which(d)
     elif d.reasons:
         lines.append(_line("why", d.reasons[0]))
+    if d.verdict == "no_gap" and d.least_sizes:
+        lines.append(_line("seen from", f"{words.would_be_seen(d)} on, each alone; less is tolerance"))
     if d.gap is not None:
         lines.append(_line("how far", _how_far(d.gap)))
     if d.verdict in ("effect", "none_of_mine", "ambiguous"):

@@ -128,6 +128,24 @@ def number(value: float | None) -> str:
     return "–" if value is None or not math.isfinite(value) else f"{value:.3g}"
 
 
+def least(ends: tuple[float, float], unit: str) -> str:
+    """A size down and up from which on an effect is seen: `± 0.0022 m`, `-0.41 or 0.68`; a dash if none."""
+    low, high = ends
+    unit = f" {symbol(unit)}".rstrip()
+    if not (math.isfinite(low) or math.isfinite(high)):
+        return "–"
+    if math.isclose(-low, high, rel_tol=0.02):
+        return f"± {high:.2g}{unit}"
+    return " or ".join(f"{end:.2g}" for end in ends if math.isfinite(end)) + unit
+
+
+def would_be_seen(d: Diagnosis) -> str:
+    """The least sizes in a row: the first parameter of each family."""
+    firsts = {s.family: s for s in reversed(d.least_sizes)}
+    shown = [s for s in d.least_sizes if firsts[s.family] is s]
+    return ", ".join(f"{s.family} {s.parameter} {least(s.stated, s.unit)}" for s in shown)
+
+
 def symbol(unit: str) -> str:
     """A unit as it is written behind a number: nothing for pure numbers."""
     return "" if unit == "1" else unit

@@ -11,6 +11,7 @@ from samrl_core.diagnosis.result import (
     Heatmap,
     HeldOutGap,
     InputFile,
+    LeastSize,
     NamedEffect,
     NextExperiment,
     Overlay,
@@ -262,6 +263,14 @@ def _no_gap(rng: np.random.Generator) -> Diagnosis:
         heatmap=heatmap(rng, None),
         timelines=timelines(rng, None),
         overlays=overlays(rng, 4000, with_effect=False),
+        least_sizes=(
+            LeastSize("depth_scale@sensor:camera", "a", "1", (-0.022, 0.022), (-0.0007, 0.0007)),
+            LeastSize("depth_scale@sensor:camera", "b", "m", (-0.0066, 0.0066), (-0.0002, 0.0002)),
+            LeastSize("lighting@cell", "g", "1", (-0.41, 0.68), (-0.02, 0.02)),
+            LeastSize(
+                "camera_latency@sensor:camera", "T", "s", (float("nan"), float("nan")), (-0.001, 0.001)
+            ),
+        ),
         **_common(rng),
     )
 

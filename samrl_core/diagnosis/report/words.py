@@ -140,9 +140,10 @@ def least(ends: tuple[float, float], unit: str) -> str:
 
 
 def would_be_seen(d: Diagnosis) -> str:
-    """The least sizes in a row: the first parameter of each family."""
-    firsts = {s.family: s for s in reversed(d.least_sizes)}
-    shown = [s for s in d.least_sizes if firsts[s.family] is s]
+    """The least sizes in a row: the first parameter of each family that has one."""
+    seen = [s for s in d.least_sizes if any(map(math.isfinite, s.stated))]
+    firsts = {s.family: s for s in reversed(seen)}
+    shown = [s for s in seen if firsts[s.family] is s]
     return ", ".join(f"{s.family} {s.parameter} {least(s.stated, s.unit)}" for s in shown)
 
 

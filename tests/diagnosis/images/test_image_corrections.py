@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 
 from samrl_core.cell.calibration.cell_correction import read_correction
+from samrl_core.cell.types.camera import Intrinsics
 from samrl_core.diagnosis.effects import IMAGE_EFFECTS
 from samrl_core.diagnosis.export.recalibration import write_recalibration
 from samrl_core.diagnosis.kinds.image_corrections import recalibration
 from samrl_core.diagnosis.result import Diagnosis
 from samrl_ros.cli.diagnosis.apply import apply
 
-INTRINSICS = SimpleNamespace(width=128, height=128, fx=166.7, fy=166.7, cx=64.0, cy=64.0)
+INTRINSICS = Intrinsics(width=128, height=128, fx=166.7, fy=166.7, cx=64.0, cy=64.0)
 RECORDING = SimpleNamespace(camera="camera", source="A.mcap", sha256="00", intrinsics=INTRINSICS)
 
 

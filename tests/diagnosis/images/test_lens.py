@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import cv2
 import numpy as np
 import pytest
 
 from samrl_core.cell.calibration.cell_correction import find_lens_places
+from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.types.image_recording import ImageRecording
+from samrl_core.diagnosis.effects.form import Place
+from samrl_core.diagnosis.effects.images.lens_distortion import EFFECT
 from samrl_core.diagnosis.residuals.images.frames import chosen_frames, compared_size
 from samrl_core.diagnosis.residuals.images.image_trial import DEPTH_NOISE_PER_Z2, prepared
 from samrl_core.diagnosis.residuals.images.linearisation import undistorted
@@ -38,6 +43,20 @@ def test_columns_are_what_a_lens_changes(
     a, b = np.concatenate(seen), np.concatenate(expected)
     assert np.corrcoef(a, b)[0, 1] > 0.8
     assert 0.7 < (a @ b) / (b @ b) < 1.3
+
+
+@pytest.mark.parametrize(("radial", "shift"), [((0.071, -0.395), 0.16), ((-0.211, 0.346), 1.16)])
+def test_a_lens_says_by_how_much_it_moves_the_image(radial: tuple[float, float], shift: float) -> None:
+    """Two coefficients that cancel are a small error, however large each; against the inverse map."""
+    intrinsics = cell_named(DEFAULT_CELL).intrinsics
+    at = find_lens_places(dict(zip(("k1", "k2"), radial, strict=True)), intrinsics)
+    v, u = np.mgrid[0 : intrinsics.height, 0 : intrinsics.width]
+    expected = float(np.sqrt(np.mean((at.x - u) ** 2 + (at.y - v) ** 2)))
+    trial = cast(Any, SimpleNamespace(recording=SimpleNamespace(intrinsics=intrinsics)))
+    form = EFFECT.forms(trial, Place("sensor:camera", ()))[0]
+    told = form.parameters(trial, {"scale": 1.0}, np.array(radial))
+    assert told == {"k1": radial[0], "k2": radial[1], "shift": pytest.approx(expected, rel=0.1)}
+    assert expected == pytest.approx(shift, abs=0.02)
 
 
 def test_a_lens_as_stated_leaves_the_frame(recordings: list[ImageRecording]) -> None:

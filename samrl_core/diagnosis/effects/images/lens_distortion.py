@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from samrl_core.cell.types.camera import Intrinsics
 from samrl_core.diagnosis.effects.effect import Effect, Parameter
-from samrl_core.diagnosis.effects.form import Form, Place
+from samrl_core.diagnosis.effects.form import Form, Place, Shape
 from samrl_core.diagnosis.effects.image_forms import ImageColumns
+from samrl_core.diagnosis.residuals.images.flows import lens_flows
 from samrl_core.diagnosis.residuals.images.image_trial import ImageTrial
+
+GRID = 32  # points along each side of the image, over which its shift is taken
 
 
 class LensDistortion(Effect[ImageTrial]):
@@ -25,14 +34,15 @@ class LensDistortion(Effect[ImageTrial]):
         Parameter("k2", "1", -0.5, 0.5, "radial, fourth order"),
         Parameter("p1", "1", -0.05, 0.05, "tangential"),
         Parameter("p2", "1", -0.05, 0.05, "tangential"),
+        Parameter("shift", "px", 0.0, 50.0, "by all of them, root mean square over the image as recorded"),
     )
     simulated = False
 
     def forms(self, trial: ImageTrial, place: Place) -> tuple[Form[ImageTrial], ...]:
-        radial = ImageColumns(
+        radial = Lens(
             name="radial", place=place, amplitudes=("k1", "k2"), columns_of=("radial",), spreads=(0.06, 0.06)
         )
-        whole = ImageColumns(
+        whole = Lens(
             name="with tangential",
             place=place,
             amplitudes=("k1", "k2", "p1", "p2"),
@@ -40,6 +50,26 @@ class LensDistortion(Effect[ImageTrial]):
             spreads=(0.06, 0.06, 0.003, 0.003),
         )
         return (radial, whole)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Lens(ImageColumns):
+    """Coefficients may cancel each other: beside them stands by how much they move the image together."""
+
+    def parameters(self, trial: ImageTrial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
+        squares = _squares(trial.recording.intrinsics)[: len(amplitudes), : len(amplitudes)]
+        shift = float(np.sqrt(max(amplitudes @ squares @ amplitudes, 0.0)))
+        return {**super().parameters(trial, shape, amplitudes), "shift": shift}
+
+
+@cache
+def _squares(k: Intrinsics) -> np.ndarray:
+    """Mean products (4, 4) of the shifts of an image's points by k1, k2, p1 and p2 of one [px^2]."""
+    u, v = np.meshgrid(*((np.arange(GRID) + 0.5) * size / GRID for size in (k.width, k.height)))
+    rays = np.stack([(u - k.cx) / k.fx, (v - k.cy) / k.fy, np.ones_like(u)], axis=-1).reshape(-1, 3)
+    of = lens_flows(k, rays)
+    moves = np.concatenate([of["radial"], of["tangential"]])[..., :2] * [k.fx, k.fy]
+    return np.einsum("pni,qni->pq", moves, moves) / len(rays)
 
 
 EFFECT = LensDistortion()

@@ -28,16 +28,15 @@ def least_sizes(evidence: Evidence, effects: Sequence[Effect[Any]], threshold: f
         threshold: log evidence that a name needs [nat].
     """
     likelihood, k = evidence.likelihood, evidence.correlation_time
-    best: dict[tuple[str, int], tuple[float, float, Hypothesis]] = {}
+    best: dict[tuple[str, str], tuple[float, float, Hypothesis, int]] = {}
     for h in evidence.screen(effects):
         stated = _sizes(h, likelihood.tempered_gram(h.regressors, h.regressors, k), threshold)
         exact = _sizes(h, h.gram / k, threshold)
-        for index, (size, least) in enumerate(zip(stated, exact, strict=True)):
-            key = h.name, list(h.form.amplitudes)[index]
-            before = best.get(key)
-            if before is None or size < before[0]:
-                best[key] = size, least, h
-    return [_told(evidence, h, key[1], size, least) for key, (size, least, h) in best.items()]
+        for index, name in enumerate(h.form.amplitudes):
+            before = best.get((h.name, name))
+            if before is None or stated[index] < before[0]:
+                best[h.name, name] = float(stated[index]), float(exact[index]), h, index
+    return [_told(evidence, h, index, size, least) for size, least, h, index in best.values()]
 
 
 def _sizes(h: Hypothesis, gram: np.ndarray, threshold: float) -> np.ndarray:
@@ -49,16 +48,16 @@ def _sizes(h: Hypothesis, gram: np.ndarray, threshold: float) -> np.ndarray:
     return np.sqrt(2.0 * (threshold + cost) / np.maximum(seen, 1e-300))
 
 
-def _told(evidence: Evidence, h: Hypothesis, amplitude: str, size: float, least: float) -> LeastSize:
+def _told(evidence: Evidence, h: Hypothesis, index: int, size: float, least: float) -> LeastSize:
     """In the effect's own parameter and unit."""
-    trial = evidence.likelihood.trials[0]
-    index = list(h.form.amplitudes).index(amplitude)
+    trial, amplitude = evidence.likelihood.trials[0], list(h.form.amplitudes)[index]
+    named = h.form.parameters(trial, h.shape, np.zeros(len(h.spread)))
+    name = amplitude if amplitude in named else next(iter(named))
     ends = []
     for one in (-size, size, -least, least):
         amplitudes = np.zeros(len(h.spread))
         amplitudes[index] = one
-        values = h.form.parameters(trial, h.shape, amplitudes)
-        name = amplitude if amplitude in values else next(iter(values))
-        ends.append(float("nan") if implausible(h, trial, amplitudes) else values[name])
+        value = h.form.parameters(trial, h.shape, amplitudes)[name]
+        ends.append(float("nan") if implausible(h, trial, amplitudes) else value)
     unit = next(p.unit for p in h.effect.parameters if p.name == name)
     return LeastSize(h.name, name, unit, (ends[0], ends[1]), (ends[2], ends[3]))

@@ -59,3 +59,6 @@ def test_an_exposure_darkens_object_and_table_alike(
     if verdict == "effect":
         assert found.effects[0].name == "lighting@cell"
         assert found.effects[0].parameters["g"].value == pytest.approx(gain - 1.0, abs=0.15)
+    # Both reports say that what lies between is where light begins to be seen.
+    (light,) = (one for one in found.least_sizes if one.family == "lighting")
+    assert 0.4 - 1.0 < light.stated[0] < 0.87 - 1.0 < light.exact[0] < 0.0

@@ -13,7 +13,7 @@ from samrl_ros.log_import.draft.draft import draft_mapping
 from samrl_ros.log_import.draft.guess import Draft, Effort
 from samrl_ros.log_import.draft.joint_chain import draft_joint_chain
 from samrl_ros.log_import.draft.logged_tracks import LoggedTable, LoggedTrack, read_logged_tables
-from samrl_ros.log_import.draft.pose_draft import are_roles_sure, draft_poses
+from samrl_ros.log_import.draft.pose_draft import are_roles_sure, draft_pairs, draft_poses
 from samrl_ros.log_import.draft.reading_draft import draft_readings
 from samrl_ros.log_import.draft.seen_tracks import are_at_once, is_named_body, is_of_a_machine
 from samrl_ros.log_import.draft.transform_chains import find_bag_chains
@@ -63,6 +63,8 @@ def _draft_tracks(paths: Sequence[Path], tables: Sequence[LoggedTable]) -> Draft
         return draft_poses(tracks)
     if any(is_of_a_machine(each, tracks) for each in tracks):
         return None
+    if (pairs := draft_pairs(tracks)) is not None:
+        return pairs
     bodies = draft_bodies(tracks)
     if bodies is not None and _joints_beside(paths) and (bodies.questions or not bodies.falls):
         return None  # what a camera sees while joints move; a body that falls beside them is sure

@@ -106,11 +106,21 @@ def read_parts(path: Path, joints: Sequence[str]) -> list[LogPart]:
     found = [_part(path, part, kind, joints) for part, kind in parts]
     useful = [each for each in found if each.blocks]
     if not useful:
-        names = sorted({name for each in found for name in each.table.columns})
-        raise InputError(
-            f"{path} holds no columns of numbers with {_LEAST} rows; its columns are {names[:40]}"
-        )
+        raise InputError(f"{path} {_nothing_found(found)}")
     return useful
+
+
+def _nothing_found(parts: Sequence[LogPart]) -> str:
+    """Why tables hold neither joints nor anything else, and what to do about it."""
+    names = sorted({name for each in parts for name in each.table.columns})
+    rows = max((len(each.table.columns[name]) for each in parts for name in each.table.columns), default=0)
+    unnamed = bool(names) and all(name.isdecimal() for name in names)
+    why = f"no columns of numbers with {_LEAST} rows" if rows >= _LEAST else (
+        f"{rows} rows: joints need {_LEAST}, and neither two poses (a target's and a flange's), nor a body's"
+        " track, nor readings beside a reference were found"
+    )  # fmt: skip
+    advice = "; name its columns in a first line, such as time,x,y,z" if unnamed else ""
+    return f"holds {why}; its columns are {names[:40]}{advice}"
 
 
 def _parts(path: Path) -> list[str]:

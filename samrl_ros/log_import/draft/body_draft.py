@@ -15,10 +15,11 @@ import numpy as np
 from samrl_core.common.errors import InputError
 from samrl_ros.log_import.draft.blocks import numbers_of
 from samrl_ros.log_import.draft.column_names import meaning, words_in
+from samrl_ros.log_import.draft.found_track import Component
 from samrl_ros.log_import.draft.free_fall import SURE_LEAN, FreeFall, G, find_unscaled_fall
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.logged_tracks import LoggedTrack
-from samrl_ros.log_import.draft.pose_tracks import Component, numbers_of_parts
+from samrl_ros.log_import.draft.pose_tracks import numbers_of_parts
 from samrl_ros.log_import.draft.seen_tracks import (
     BODIES,
     SeenTrack,

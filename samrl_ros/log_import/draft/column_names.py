@@ -43,6 +43,10 @@ CARRIED = frozenset(
     " body".split()
 )
 CAMERAS = frozenset("cam camera optical rgb sensor eye".split())
+FRAME_LETTERS = {  # of A_p_B, B's origin in A
+    "b": "base", "c": "camera", "e": "hand", "f": "flange", "g": "gripper", "h": "hand", "m": "marker",
+    "o": "object", "w": "world",
+}  # fmt: skip
 BASES = frozenset("base world link0 root origin o".split())  # o: of libfranka's O_T_EE
 
 _ANGLES, _PER_SECOND = frozenset("rad deg degrees degree mrad rev".split()), frozenset("s sec".split())

@@ -50,6 +50,7 @@ class Draft:
     channels: dict[str, dict[str, Any]] = field(default_factory=dict)
     controller: dict[str, Any] = field(default_factory=dict)  # of a motor whose input is recorded
     poses: dict[str, Any] = field(default_factory=dict)  # of a log of poses, which has no joints
+    closes_m: float = float("inf")  # to which such poses close their chain [m]
     bodies: dict[str, Any] = field(default_factory=dict)  # of tracks of a free body, likewise
     falls: bool = False  # whether such a body was seen to fall freely
     readings: dict[str, Any] = field(default_factory=dict)  # of a log of depth against distances, likewise

@@ -15,7 +15,15 @@ from samrl_core.common.errors import InputError
 from samrl_ros.log_import.draft.column_names import CAMERAS
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.logged_tracks import LoggedTrack, read_logged_tables
-from samrl_ros.log_import.draft.pose_draft import CLEARLY, CLOSES_M, MOST_VIEWS, closing, side_of, state
+from samrl_ros.log_import.draft.pose_draft import (
+    CLEARLY,
+    CLOSES_M,
+    MOST_VIEWS,
+    closing,
+    read_described,
+    side_of,
+    state,
+)
 from samrl_ros.log_import.draft.track_entries import add_track_entry, add_track_source, every_nth, source_data
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics
 from samrl_ros.log_import.sources import SourceData
@@ -92,7 +100,8 @@ def _describe_arm(target: dict, of_arm: dict, cache: dict[str, SourceData], draf
     found = []
     for arm in ARMS:
         poses = {"target_in_camera": target, arm: of_arm}
-        if (left := closing(poses, cache, draft)) is not None:
+        recording = read_described(poses, cache, draft)
+        if recording is not None and (left := closing(recording)) is not None:
             found.append((left, arm, poses))
     if not found:
         raise InputError("the target's poses and the joints cannot be compared; write the mapping by hand")

@@ -13,10 +13,9 @@ import pandas as pd
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_file, is_folder
 from samrl_ros.log_import.draft.blocks import numbers_of
-from samrl_ros.log_import.draft.column_names import is_time
+from samrl_ros.log_import.draft.column_names import BASES, CAMERAS, CARRIED, SEEN, is_time
+from samrl_ros.log_import.draft.found_track import LEAST, FoundTrack
 from samrl_ros.log_import.draft.pose_tracks import (
-    LEAST,
-    FoundTrack,
     empty_zeros,
     find_positions,
     named_frames,
@@ -37,6 +36,8 @@ POSES = frozenset(
 # Files of ETH's hand_eye_calibration: `poses_B_H`, the hand in the base, `poses_W_E`, the eye in the world.
 HAND_EYE = re.compile(r"(?:^|_)([BW])_([HE])(?:_|$)")
 FRAMES = {"B": "base", "H": "hand", "W": "world", "E": "eye"}
+_FILE_OF_FRAMES = re.compile(r"(?<![a-z])([a-z]+)(?:2|_to_|_in_|_wrt_)([a-z]+)")  # gripper2base.csv
+_KNOWN_FRAMES = SEEN | CARRIED | CAMERAS | BASES
 _TRANSFORMS = frozenset("t tf h x pose transform".split())  # T_base_ee
 MOST_LABELS = 16  # things that rows of one file are of
 SHARED = 0.5  # of the time, that things beside each other are seen together
@@ -62,6 +63,8 @@ class LoggedTrack:
             named = (self.header[0] or self.part, self.header[1])
         if named is None and (letters := HAND_EYE.search(self.path.stem)):
             named = (FRAMES[letters[2]], FRAMES[letters[1]])
+        if named is None and not self.track.named and (two := _FILE_OF_FRAMES.search(self.path.stem.lower())):
+            named = (two[1], two[2]) if {two[1], two[2]} <= _KNOWN_FRAMES else None
         return None if named is None else (_words(named[0]), _words(named[1]))
 
     @property

@@ -15,12 +15,14 @@ from typing import Any
 
 import numpy as np
 
+from samrl_core.cell.types.pose_recording import PoseRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.residuals.poses.solve import closing_error
 from samrl_ros.log_import.draft.column_names import BASES, CAMERAS, CARRIED, SEEN
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.logged_tracks import LoggedTrack
 from samrl_ros.log_import.draft.pose_runs import PoseRuns, find_pose_runs
+from samrl_ros.log_import.draft.pose_turns import turns_apart
 from samrl_ros.log_import.draft.track_entries import (
     FAR,
     FoundTime,
@@ -28,6 +30,7 @@ from samrl_ros.log_import.draft.track_entries import (
     add_track_source,
     every_nth,
     find_time,
+    length_unit,
     rotation_readings,
     source_data,
     track_numbers,
@@ -40,6 +43,7 @@ from samrl_ros.log_import.sources import SourceData
 CLEARLY = 4.0  # times better than the next description: that is proof
 NOTHING_M = 1e-4  # that two descriptions must differ by at least: poses that stand still close any chain
 LONGEST_REST_S = 600.0  # from one pair of poses at rest to the next
+TURN = 0.02  # [rad] by which turns of target and flange may differ in any case
 CLOSES_M = 0.05  # beyond it no description fits
 MOST_VIEWS = 300  # by which descriptions are compared
 MOST_CM = 250.0  # that a camera sees or an arm reaches
@@ -140,8 +144,9 @@ def _add_source(
     """A file with its time; times (N,) [s] of its rows, and whether poses were taken at rest."""
     source, path = add_track_source(key, each, draft), f"sources.{key}.time"
     found = find_time(each, [name for one in both for name in one.track.used])
-    if found is None:
-        draft.note(path, "no column is named as time: rows are pairs, taken at rest")
+    if found is None or are_numbered(both):
+        said = "no column is named as time" if found is None else "the first column counts the pairs"
+        draft.note(path, f"{said}: rows are pairs, taken at rest")
         return np.arange(float(len(each.position))), True
     unit, step = found.units[0], _typical_step(found)
     # Poses at rest may be seconds apart: steps of 1 are as good 1 s as 1 ms.
@@ -158,6 +163,40 @@ def _add_source(
         source["time"] = {**source["time"], "repeated": "drop"}
         draft.note(path, f"{int(backwards.sum())} steps do not increase; such rows are left out")
     return time, bool(np.nanmedian(np.diff(time)) > 1.0 / SLOW_HZ)
+
+
+def draft_pairs(tracks: Sequence[LoggedTrack]) -> Draft | None:
+    """A draft of two files without times whose rows are pairs: poses that close a chain are no free body's.
+
+    Returns:
+        None where there are no two such files, or where their rows close no chain.
+    """
+    placed = [each for each in tracks if each.track.whole]
+    if len(placed) != 2 or len(tracks) != 2 or len({each.path for each in placed}) != 2:
+        return None
+    same = len(placed[0].position) == len(placed[1].position)
+    timed = any(find_time(each, each.track.used) is not None for each in placed)
+    if not same or (timed and not are_numbered(placed)):
+        return None
+    try:
+        draft = draft_poses(placed)
+    except InputError:
+        return None
+    reach = min(float(np.linalg.norm(np.nanstd(each.position, axis=0))) for each in placed)
+    unit = {"mm": 1e-3, "cm": 1e-2}.get(length_unit(placed[0]), 1.0)
+    return draft if draft is not None and draft.closes_m < min(CLOSES_M, unit * reach / CLEARLY) else None
+
+
+def are_numbered(both: Sequence[LoggedTrack]) -> bool:
+    """Whether what stands before the poses of two files without names counts their pairs, as 1, 2, 4, ..."""
+    if len(both) != 2 or any(each.track.named for each in both):
+        return False
+    first, second = (find_time(each, each.track.used) for each in both)
+    if first is None or second is None or len(first.values) != len(second.values):
+        return False
+    values = first.values
+    counts = bool((values == second.values).all() and (values == np.round(values)).all())
+    return counts and float(np.median(np.diff(values))) == 1.0
 
 
 def _ask_of_units(tracks: dict[str, LoggedTrack], draft: Draft) -> None:
@@ -187,7 +226,7 @@ def _describe(
     arms = ("camera_arm", "tool_arm")
     readings = rotation_readings(seen, entries["seen"]), rotation_readings(carried, entries["carried"])
     open_ = [len(each) > 1 for each in readings]
-    found: list[tuple[float, dict[str, Any], str]] = []
+    likely: list[tuple[float, PoseRecording, dict[str, Any], str]] = []
     for arm, first, second in product(arms, *readings):
         poses: dict[str, Any] = {"target_in_camera": dict(first[0]), arm: {"flange": dict(second[0])}}
         if _is_inverse(seen):
@@ -199,7 +238,12 @@ def _describe(
         said = "the arm carries the camera" if arm == "camera_arm" else "the camera stands still"
         tried = [words for (_, words), is_open in zip((first, second), open_, strict=True) if is_open]
         said += "".join(f", {words}" for words in dict.fromkeys(tried))
-        if (left := closing(poses, cache, draft)) is not None:
+        if (recording := read_described(poses, cache, draft)) is not None:
+            likely.append((turns_apart(recording), recording, poses, said))
+    most = CLEARLY * min((one[0] for one in likely), default=0.0) + TURN
+    found: list[tuple[float, dict[str, Any], str]] = []
+    for apart, recording, poses, said in likely:
+        if apart <= most and (left := closing(recording)) is not None:
             found.append((left, poses, said))
     if not found:
         raise InputError(
@@ -217,7 +261,7 @@ def _describe(
         reason = f"the frames say that {reason}"
     elif len(found) > 1:
         reason += f", to {1e3 * found[1][0]:.0f} mm if {found[1][2]}"
-    draft.poses = poses
+    draft.poses, draft.closes_m = poses, left
     if left > CLOSES_M:
         question = "no description closes the chain; are these one target and one flange, in these units?"
     elif against:
@@ -284,12 +328,20 @@ def _is_base_in_flange(carried: LoggedTrack) -> bool:
     return bool(child & BASES and parent & CARRIED) and not carried.of_frames
 
 
-def closing(poses: dict[str, Any], cache: dict[str, SourceData], draft: Draft) -> float | None:
-    """Of one description [m]; None where it cannot be read or solved."""
+def read_described(poses: dict[str, Any], cache: dict[str, SourceData], draft: Draft) -> PoseRecording | None:
+    """The recording by one description; None where it cannot be read so."""
     content = {"name": "drafted", "sources": draft.sources, "poses": poses}
     try:
         spec = PoseRecordingSpec.read(content, "draft")
-        return closing_error(import_poses(spec, "", Path(), Path(), cache).recording)
+        return import_poses(spec, "", Path(), Path(), cache).recording
+    except InputError:
+        return None
+
+
+def closing(recording: PoseRecording) -> float | None:
+    """Error of its chain [m]; None where it cannot be solved."""
+    try:
+        return closing_error(recording)
     except InputError:
         return None
 

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
 from samrl_ros.log_import.draft.angle_names import LETTERS, OPENCV, add_makers_angles, part_opencv
 from samrl_ros.log_import.draft.blocks import numbers_of
-from samrl_ros.log_import.draft.column_names import is_time
-from samrl_ros.log_import.draft.matrix_columns import ROWS, WIDTHS, matrix_order, row_by_row
+from samrl_ros.log_import.draft.column_names import FRAME_LETTERS, is_time
+from samrl_ros.log_import.draft.found_track import LEAST, Component, FoundTrack, matrix_parts
+from samrl_ros.log_import.draft.matrix_columns import WIDTHS
+from samrl_ros.log_import.draft.unnamed_tracks import find_unnamed
 from samrl_ros.log_import.table import Table
 
-LEAST = 6  # rows, below which no pair of poses says anything
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 _UNITS = {"m": "m", "cm": "cm", "mm": "mm", "rad": "rad", "deg": "deg", "in": "in", "px": "px"}
 _POSITION = {"p", "pos", "position", "t", "trans", "translation", "tvec", "loc", "location", "xyz"}
@@ -29,59 +30,7 @@ RATES = frozenset(
 )
 _LETTERS = ("x", "y", "z", "w")
 _FULL = {"position": 3, "quaternion": 4, "rotation_vector": 3, "rpy": 3}
-_UNIT_LENGTH = 0.01  # by which a quaternion's length may differ from 1
 JUMP = 5.0  # typical steps to the origin, from which on a zero is no place
-
-
-@dataclass(frozen=True)
-class Component:
-    """One number of a pose: a column, or one number of a column that holds lists."""
-
-    column: str
-    index: int | None = None
-
-
-@dataclass
-class FoundTrack:
-    """Where the numbers of one pose, or of one position, stand in a table."""
-
-    stem: tuple[str, ...]  # words that its names share
-    columns: dict[str, list[Component]] = field(default_factory=dict)  # position, quaternion, ... -> numbers
-    axes: str = "xyz"  # that the position has
-    order: str = ""  # of a quaternion: xyzw by names, wxyz, or empty where nothing says it
-    unit: str = ""  # of the position, where the names say it
-    angle_unit: str = ""
-    named: bool = True  # by its columns; else by what the numbers look like
-    vague: bool = False  # a rotation vector that may as well be roll, pitch and yaw
-    zeros: int = 0  # poses that are zero where nothing was seen
-    time: Component | None = None  # of an array that holds it too
-    angle: Component | None = None  # of a pose in a plane, beside its position
-
-    @property
-    def rotation(self) -> str:
-        """What gives the rotation, a key of the mapping; empty if nothing does."""
-        kinds = ("matrix", "quaternion", "rotation_matrix", "rotation_vector", "rpy")
-        return next((k for k in kinds if k in self.columns), "")
-
-    @property
-    def whole(self) -> bool:
-        """Whether it is a pose."""
-        return self.rotation == "matrix" or bool(self.rotation and self.axes == "xyz" and self.positioned)
-
-    @property
-    def positioned(self) -> bool:
-        """Whether it has a position of its own, or within a matrix."""
-        return "position" in self.columns or self.rotation == "matrix"
-
-    @property
-    def used(self) -> list[str]:
-        """Its columns."""
-        return list(dict.fromkeys(c.column for parts in self.columns.values() for c in parts))
-
-    @property
-    def names(self) -> str:
-        """Its columns, as a reader finds them."""
-        return ", ".join(self.used)
 
 
 def find_tracks(table: Table) -> list[FoundTrack]:
@@ -140,9 +89,11 @@ def find_positions(table: Table) -> list[FoundTrack]:
     for stem, named in counted.items():
         if len(named) in WIDTHS:
             parts = [Component(named[k]) for k in sorted(named)]
-            _add_matrix(found, stem, parts, np.column_stack([arrays[part.column] for part in parts]))
+            numbers = np.column_stack([arrays[part.column] for part in parts])
+            if listed := matrix_parts(parts, numbers):
+                found.setdefault(stem, FoundTrack(stem)).columns["matrix"] = listed
     tracks = _paired(list(found.values()))
-    return tracks or _find_unnamed(arrays)
+    return tracks or find_unnamed(table, arrays)
 
 
 def _paired(tracks: list[FoundTrack]) -> list[FoundTrack]:
@@ -183,9 +134,18 @@ def _component(words: list[str]) -> tuple[tuple[str, ...], str, str] | None:
         return tuple(rest[1:]), "quaternion", last
     if rest and rest[0] == "p" and last != "w":
         return tuple(rest[1:]), "position", last
-    if set(rest) & RATES:
+    if len(rest) == 3 and rest[1] in ("p", "q") and (rest[1] == "q" or last != "w"):
+        parent, kind, child = rest  # C_p_O_x, C_q_O_w: the object in the camera's frame
+        frames = FRAME_LETTERS.get(child, child), "in", FRAME_LETTERS.get(parent, parent)
+        return frames, "position" if kind == "p" else "quaternion", last
+    if _is_rate(rest):
         return None
     return (tuple(rest), "position", last) if last != "w" else None
+
+
+def _is_rate(rest: list[str]) -> bool:
+    """Whether words before a letter name no place: a speed, or EuRoC's b_w_RS_S_x, where B_tcp_x is one."""
+    return bool(set(rest) & (RATES - {"b"})) or rest[:2] == ["b", "w"] or rest[-1:] == ["b"]
 
 
 def _add_helical_quaternions(single: dict[tuple[tuple[str, ...], str], dict[str, str]]) -> None:
@@ -229,7 +189,8 @@ def _add_array(
         return
     stem = tuple(words[1:] if first in known else words[:-1] if words and words[-1] in known else words)
     if kind == "matrix":
-        _add_matrix(found, stem, [Component(name, k) for k in range(width)], values)
+        if listed := matrix_parts([Component(name, k) for k in range(width)], values):
+            found.setdefault(stem, FoundTrack(stem)).columns["matrix"] = listed
         return
     track = found.setdefault(stem, FoundTrack(stem))
     order = next((o for o in ("wxyz", "xyzw") if o in words), "")
@@ -242,20 +203,6 @@ def _add_array(
         track.unit, track.axes = unit, next((w for w in words if w in _IN_PLANE), "xyz"[:width])
     elif kind == "quaternion":
         track.order = order
-
-
-def _add_matrix(
-    found: dict[tuple[str, ...], FoundTrack],
-    stem: tuple[str, ...],
-    parts: list[Component],
-    values: np.ndarray,
-) -> None:
-    """Numbers (N, 12 or 16) of a homogeneous matrix, which a mapping names row by row; others are none."""
-    if not (order := matrix_order(values)):
-        return
-    whole = order == ROWS and len({part.column for part in parts}) == 1
-    listed = [Component(parts[0].column)] if whole else [parts[k] for k in row_by_row(len(parts), order)]
-    found.setdefault(stem, FoundTrack(stem)).columns["matrix"] = listed
 
 
 def _is_planar(words: list[str]) -> bool:
@@ -285,55 +232,6 @@ def _add_parts(
 
 def _words_of(name: str) -> list[str]:
     return [w.lower() for w in _WORD.findall(name)]
-
-
-def _find_unnamed(arrays: dict[str, np.ndarray]) -> list[FoundTrack]:
-    """A pose in columns without names, or in one array of all that was recorded.
-
-    A time or none, then TUM's seven numbers, KITTI's twelve, or a position and three angles. Of an array a
-    position and four numbers of length 1 are a pose, whatever follows them.
-    """
-    if len(arrays) == 1 and (one := next(iter(arrays.values()))).ndim == 2:
-        return _find_in_array(next(iter(arrays)), one)
-    names = [name for name in arrays if name.isdecimal() and arrays[name].ndim == 1]
-    if len(names) != len(arrays) or len(names) not in (3, 4, 6, 7, 8, 12, 13):
-        return []
-    first = len(names) % 2 if len(names) in (12, 13) else int(len(names) in (4, 8))
-    numbers = np.column_stack([arrays[name] for name in names])
-    numbers = numbers[np.isfinite(numbers).all(axis=1)]
-    if len(numbers) < LEAST:
-        return []
-    if numbers.shape[1] == 7 and not _are_quaternions(numbers[:, 3:]):
-        first = 1  # a time and six numbers
-        if not (np.diff(numbers[:, 0]) > 0).all():
-            return []
-    numbers, parts = numbers[:, first:], [Component(name) for name in names[first:]]
-    if numbers.shape[1] == 7:
-        found = {"position": parts[:3], "quaternion": parts[3:]}
-        return [FoundTrack((), found, named=False)] if _are_quaternions(numbers[:, 3:]) else []
-    if numbers.shape[1] == 6:
-        found = {"position": parts[:3], "rotation_vector": parts[3:]}
-        return [FoundTrack((), found, named=False, vague=True)]
-    if numbers.shape[1] == 12:
-        return [FoundTrack((), {"matrix": parts}, named=False)] if matrix_order(numbers) == ROWS else []
-    return [FoundTrack((), {"position": parts}, named=False)] if numbers.shape[1] == 3 else []
-
-
-def _find_in_array(name: str, numbers: np.ndarray) -> list[FoundTrack]:
-    """A pose in the columns (N, K) of an array: three numbers and four of length 1."""
-    seen = np.isfinite(numbers).all(axis=1)
-    if seen.sum() < LEAST:
-        return []
-    for first in (0, 1):  # a time before it
-        if numbers.shape[1] >= first + 7 and _are_quaternions(numbers[seen, first + 3 : first + 7]):
-            parts = [Component(name, k) for k in range(first, first + 7)]
-            return [FoundTrack((), {"position": parts[:3], "quaternion": parts[3:]}, named=False)]
-    return []
-
-
-def _are_quaternions(numbers: np.ndarray) -> bool:
-    """Whether rows (N, 4) have length 1."""
-    return float(np.abs(np.linalg.norm(numbers, axis=1) - 1.0).max()) < _UNIT_LENGTH
 
 
 def numbers_of_parts(table: Table, parts: list[Component]) -> np.ndarray:

@@ -11,9 +11,10 @@ import numpy as np
 from samrl_ros.log_import.draft import evidence
 from samrl_ros.log_import.draft.blocks import numbers_of
 from samrl_ros.log_import.draft.column_names import meaning, words_in
+from samrl_ros.log_import.draft.found_track import Component
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.logged_tracks import LoggedTrack
-from samrl_ros.log_import.draft.pose_tracks import Component, numbers_of_parts, time_columns
+from samrl_ros.log_import.draft.pose_tracks import numbers_of_parts, time_columns
 from samrl_ros.log_import.draft.text_layout import stated_options
 from samrl_ros.log_import.sources import SourceData
 from samrl_ros.log_import.table import Table
@@ -206,10 +207,28 @@ def rotation_readings(each: LoggedTrack, entry: dict[str, Any]) -> list[tuple[di
         orders = (each.track.order,) if each.track.order else ("xyzw", "wxyz")
         return [({**entry, "order": order}, f"{order} quaternions") for order in orders]
     if each.track.vague:
-        rest = {key: value for key, value in entry.items() if key != "rotation_vector"}
-        turned = {**rest, "rpy": entry["rotation_vector"]}
-        return [(entry, "rotation vectors"), (turned, "roll, pitch and yaw")]
+        orders = [(entry, "")] if each.track.named else [(entry, ""), (_angles_first(each, entry), " first")]
+        found = []
+        for one, first in orders:
+            rest = {key: value for key, value in one.items() if key != "rotation_vector"}
+            found.append((one, f"rotation vectors{first}"))
+            found.append(({**rest, "rpy": one["rotation_vector"]}, f"roll, pitch and yaw{first}"))
+        return found
     return [(entry, "")]
+
+
+def _angles_first(each: LoggedTrack, entry: dict[str, Any]) -> dict[str, Any]:
+    """Six numbers without names, read as a rotation and then a position."""
+    parts = each.track.columns
+    turned = numbers_of_parts(each.table, parts["position"])
+    moved = numbers_of_parts(each.table, parts["rotation_vector"])
+    return {
+        **entry,
+        "position": entry["rotation_vector"],
+        "rotation_vector": entry["position"],
+        "unit": "mm" if float(np.nanmax(np.abs(moved))) > FAR else "m",
+        "angle_unit": "deg" if float(np.nanmax(np.abs(turned))) > FULL_TURN else "rad",
+    }
 
 
 def source_data(tracks: Sequence[LoggedTrack], source: dict[str, Any], time: np.ndarray) -> SourceData:

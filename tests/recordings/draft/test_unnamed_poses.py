@@ -22,7 +22,11 @@ def made() -> tuple[PoseTrack, PoseTrack]:
     recording = record(PoseWorld(at_rest=True, seconds=8.0))
     assert recording.camera_arm is not None and recording.camera_arm.flange is not None
     seen, flange = recording.seen, recording.camera_arm.flange
-    return tuple(PoseTrack(t.time[:VIEWS], t.position[:VIEWS], t.quat_xyzw[:VIEWS]) for t in (seen, flange))
+    return first_views(seen), first_views(flange)
+
+
+def first_views(track: PoseTrack) -> PoseTrack:
+    return PoseTrack(track.time[:VIEWS], track.position[:VIEWS], track.quat_xyzw[:VIEWS])
 
 
 def rotation_vectors(track: PoseTrack) -> np.ndarray:

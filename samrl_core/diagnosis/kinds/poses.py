@@ -19,12 +19,13 @@ from samrl_core.diagnosis.recordings.held_out import GAP_S, SHARE
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.poses.pose_trial import PoseTrial
-from samrl_core.diagnosis.residuals.poses.solve import check_stated, solved
+from samrl_core.diagnosis.residuals.poses.solve import agreeing_views, check_stated, solved
 from samrl_core.diagnosis.result import NextExperiment
 from samrl_core.diagnosis.selection.how_far import HowFar
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
 
 LEAST_TO_SPLIT = 16  # poses of which some are held out
+MOST_NAMED = 12  # moments that a note lists
 LEAST_AT_REST = 24  # likewise where every fourth is: of fewer, too few would be left to compare
 
 
@@ -69,6 +70,15 @@ class Poses(Kind[PoseRecording]):
         made = [t for t in trials if isinstance(t, PoseTrial)]
         out = solved([t.recording for t in made])[1] if made else []
         for trial in made:
+            turned = trial.chain.time[~agreeing_views(trial.chain)]
+            if len(turned):
+                named = ", ".join(f"{stamp:g}" for stamp in turned[:MOST_NAMED])
+                out.append(
+                    f"{trial.name}: {len(turned)} of {len(trial.chain.time)} poses turn otherwise"
+                    f" than the arm (at {named} s, or rows from 0 on), and what nobody stated is solved for"
+                    " without them: a board seen from another corner, a tag that flips, a target that was"
+                    " moved?"
+                )
             if trial.outliers:
                 out.append(
                     f"{trial.name}: {trial.outliers} of {len(trial.chain.time)} seen poses stand apart from"

@@ -12,6 +12,7 @@ from samrl_core.diagnosis.result import Diagnosis, HeldOutGap
 LINES = 10
 WIDTH = 110
 INDENT = 15
+OF_DOUBT = ("turn otherwise", "stand apart")  # notes of poses that no verdict counts
 
 
 def summary(diagnosis: Diagnosis, files: Sequence[str] = ()) -> list[str]:
@@ -53,6 +54,8 @@ def summary(diagnosis: Diagnosis, files: Sequence[str] = ()) -> list[str]:
         )
     if d.alarms:
         lines.append(_line("alarm", _first_of(d.alarms)))
+    if d.verdict in ("no_gap", "none_of_mine"):
+        lines += [_line("note", note) for note in d.notes if any(word in note for word in OF_DOUBT)][:1]
     if d.verdict == "not_testable":  # then the list says nothing that the reason does not
         lines.append(
             _line("not testable", f"{len(d.not_testable)} families of effects; report.html says why each")

@@ -33,6 +33,7 @@ END_S, END_SHARE = 0.5, 0.05  # of a recording at either end of an arm's track, 
 LEFT_OUT = 1e3  # times the noise: as good as left out
 LEVER_M = 0.5  # at which a translation of 1 m/s counts as 2 rad/s, for phases
 # Standard deviations of what the noise estimate lets be off: beyond the catalogue's ranges.
+MOST_APART = 0.3  # of the poses: more that stand apart are no mistakes of a detector
 TRANSLATION, ROTATION, SIZE, ZERO, CLOCK = 0.03, 0.05, 0.05, 0.02, 0.1
 OFFSETS_S = np.array(
     [0.0, *(s * t for t in (0.004, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64) for s in (1, -1))]
@@ -264,6 +265,8 @@ class PoseTrial(Observed):
         level = np.maximum(level, like.level * middle) if few and like is not None else level
         score = np.max(np.abs(even) / np.hypot(level, 1.5 * np.median(np.abs(even), axis=0)), axis=1)
         apart = score > OUTLIER
+        if np.mean(apart) > MOST_APART:
+            apart = np.zeros(len(score), dtype=bool)
         noise = DetectorNoise(level / middle, power)
         sigma = noise.at(distance)
         sigma[apart] *= (score[apart] ** 2)[:, None]  # as good as left out

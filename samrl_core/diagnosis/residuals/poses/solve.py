@@ -23,6 +23,9 @@ LENGTH_PER_RADIAN = 0.3  # [m] by which residuals of both kinds are made alike
 MOST_POSES = 400  # of a recording, that are solved with
 LONGEST_OFFSET_S = 2.0  # between clocks that is looked for
 FINE_OFFSET_S = 0.001
+AGREE_RAD = 0.05  # by which target and arm may turn otherwise between two views
+LEAST_AGREEING = 8  # views that agree, from which on the others are left out
+NEARLY_ALL = 0.9  # of the views: the few others are for the robust fit
 GROSS_M, GROSS_RAD = 0.5, 1.0  # median residuals beyond which a description is wrong, not a calibration
 
 
@@ -35,6 +38,7 @@ def solved(recordings: Sequence[PoseRecording]) -> tuple[Constants, list[str]]:
     stated = Constants.stated(recordings[0])
     if not stated.free:
         return stated, []
+    recordings = [_agreeing(r, stated) for r in recordings]
     chains = [Chain(r, stated) for r in recordings]
     offset = _turning_offset(chains[0])
     first = _closed_form(chains, stated, offset)
@@ -81,6 +85,45 @@ def check_stated(recording: PoseRecording, twist: np.ndarray, predicted: np.ndar
         f" (median; limits {GROSS_M:g} m, {GROSS_RAD:g} rad): no calibration is off by so much."
         f" Look for an inverse, a unit, the order of a quaternion. Left out, {given}"
     )
+
+
+def agreeing_views(chain: Chain) -> np.ndarray:
+    """(N,) bool, the largest set of views whose turns are the arm's; all where nearly all are.
+
+    Between two views target and arm turn by one angle, whoever carries the camera (Tsai and Lenz 1989). A
+    board that is taken for itself turned by half, or a small tag that flips, breaks that in many views at
+    once, more than robust least squares stand. Of two moving arms, and while all moves, nothing is told.
+    """
+    count = len(chain.time)
+    moving = [side for side in (0, 1) if chain.arms[side] is not None]
+    if chain.recording.timed or len(moving) != 1 or not LEAST_AGREEING <= count <= MOST_POSES:
+        return np.ones(count, dtype=bool)
+    apart = np.abs(_all_turns(chain.seen) - _all_turns(chain.flange(moving[0], 0.0)))
+    fit = apart < AGREE_RAD
+    keep = np.ones(count, dtype=bool)
+    while keep.sum() >= max(LEAST_AGREEING, 0.5 * count):
+        friends = np.where(keep, (fit & keep).sum(axis=1), count)
+        if friends.min() >= NEARLY_ALL * keep.sum():
+            break
+        keep[int(np.argmin(friends))] = False
+    enough = keep.sum() >= max(LEAST_AGREEING, 0.5 * count)
+    return keep if enough and keep.sum() < NEARLY_ALL * count else np.ones(count, dtype=bool)
+
+
+def _all_turns(poses: np.ndarray) -> np.ndarray:
+    """Angles [rad] (N, N) between each two of (N, 4, 4)."""
+    trace = np.einsum("nij,mij->nm", poses[:, :3, :3], poses[:, :3, :3])
+    return np.asarray(np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0)))
+
+
+def _agreeing(recording: PoseRecording, stated: Constants) -> PoseRecording:
+    """The recording without views whose turns are not the arm's."""
+    chain = Chain(recording, stated)
+    keep = np.isin(recording.seen.time, chain.time[agreeing_views(chain)])
+    if keep.sum() == len(chain.time):
+        return recording
+    seen = recording.seen
+    return replace(recording, seen=type(seen)(seen.time[keep], seen.position[keep], seen.quat_xyzw[keep]))
 
 
 def _turning_offset(chain: Chain) -> float:

@@ -36,7 +36,7 @@ def least_sizes(evidence: Evidence, effects: Sequence[Effect[Any]], threshold: f
             before = best.get((h.name, name))
             if before is None or stated[index] < before[0]:
                 best[h.name, name] = float(stated[index]), float(exact[index]), h, index
-    return [_told(evidence, h, index, size, least) for size, least, h, index in best.values()]
+    return [_state_least(evidence, h, index, size, least) for size, least, h, index in best.values()]
 
 
 def _sizes(h: Hypothesis, gram: np.ndarray, threshold: float) -> np.ndarray:
@@ -48,7 +48,7 @@ def _sizes(h: Hypothesis, gram: np.ndarray, threshold: float) -> np.ndarray:
     return np.sqrt(2.0 * (threshold + cost) / np.maximum(seen, 1e-300))
 
 
-def _told(evidence: Evidence, h: Hypothesis, index: int, size: float, least: float) -> LeastSize:
+def _state_least(evidence: Evidence, h: Hypothesis, index: int, size: float, least: float) -> LeastSize:
     """In the effect's own parameter and unit."""
     trial, amplitude = evidence.likelihood.trials[0], list(h.form.amplitudes)[index]
     named = h.form.parameters(trial, h.shape, np.zeros(len(h.spread)))

@@ -100,8 +100,9 @@ def draft_mapping(
     if urdf is not None:
         _ask_model(urdf, position, order, unit, time, used, draft)
     for each in found:
-        if not any(each.block is one.block for one in used):
-            draft.unused.append(name_of(each))
+        name, is_used = name_of(each), any(each.block is one.block for one in used)
+        if not is_used and not any(line.startswith(f"{name}: ") for line in draft.unused):
+            draft.unused.append(name)
     if runs:
         for source in draft.sources.values():
             source["file"] = f"{{name}}{runs[0].suffix}"

@@ -67,11 +67,8 @@ def told_by_model(
         unit: `rad`, `deg` or `rev`.
         effort: (N, J) as logged, if there is one.
     """
-    try:
-        arm = RigidArm(ArmDescription("tool_arm", tuple(joints), urdf, None))
-    except InputError:
-        return None
-    if any(arm.slides) or unit not in UNITS:
+    arm = _turning_arm(urdf, joints, unit)
+    if arm is None:
         return None
     others = [u for u in UNITS if u != unit]
     inside = {u: _within_limits(arm, position * factor) for u, factor in UNITS.items()}
@@ -123,15 +120,20 @@ def is_without_gravity(
     urdf: str, joints: Sequence[str], time: np.ndarray, position: np.ndarray, unit: str, effort: np.ndarray
 ) -> bool:
     """Whether torques follow the model's without gravity, and surely not with it; arguments as above."""
-    try:
-        arm = RigidArm(ArmDescription("tool_arm", tuple(joints), urdf, None))
-    except InputError:
-        return False
-    log = None if unit not in UNITS or any(arm.slides) else _Log.of(time, position, effort)
-    if log is None:
+    arm, log = _turning_arm(urdf, joints, unit), _Log.of(time, position, effort)
+    if arm is None or log is None:
         return False
     whole, rest = (log.against(arm, UNITS[unit], weighs=weighs).likelihood for weighs in (True, False))
     return rest - whole > _SURELY
+
+
+def _turning_arm(urdf: str, joints: Sequence[str], unit: str) -> RigidArm | None:
+    """The described arm; None where it has no such joints, or what they are logged in is no angle."""
+    try:
+        arm = RigidArm(ArmDescription("tool_arm", tuple(joints), urdf, None))
+    except InputError:
+        return None
+    return None if any(arm.slides) or unit not in UNITS else arm
 
 
 def _within_limits(arm: RigidArm, position: np.ndarray) -> bool:

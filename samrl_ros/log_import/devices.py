@@ -12,10 +12,10 @@ from samrl_core.common.files import is_folder, is_there
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.log_import.body_importer import bodies_of
 from samrl_ros.log_import.draft.any_draft import draft_free_devices
-from samrl_ros.log_import.draft.clock_draft import STAMPED
 from samrl_ros.log_import.draft.guess import Draft
-from samrl_ros.log_import.draft.logged_tracks import POSES, read_logged_tables
-from samrl_ros.log_import.draft.transform_chains import find_bag_chains
+from samrl_ros.log_import.draft.readings.clock_draft import STAMPED
+from samrl_ros.log_import.draft.tracks.logged_tracks import POSES, read_logged_tables
+from samrl_ros.log_import.draft.tracks.transform_chains import find_bag_chains
 from samrl_ros.log_import.draft.writing import as_yaml
 from samrl_ros.log_import.formats.parquet import is_lerobot
 from samrl_ros.log_import.formats.rosbag import is_bag, is_mcap, list_topics

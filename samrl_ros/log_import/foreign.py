@@ -11,8 +11,8 @@ from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_folder
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.log_import.devices import data_folder, refuse_questions
-from samrl_ros.log_import.draft.draft import draft_mapping
 from samrl_ros.log_import.draft.guess import Effort
+from samrl_ros.log_import.draft.joints.joint_draft import draft_mapping
 from samrl_ros.log_import.draft.writing import as_yaml
 from samrl_ros.log_import.formats.parquet import is_lerobot
 from samrl_ros.log_import.formats.rosbag import is_bag, is_mcap

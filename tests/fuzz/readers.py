@@ -30,7 +30,7 @@ from samrl_ros.cell.parameter_file import load_parameters
 from samrl_ros.cli.diagnosis.library import read_library
 from samrl_ros.conversions import from_message
 from samrl_ros.log_import.any_importer import import_any
-from samrl_ros.log_import.draft.draft import draft_mapping
+from samrl_ros.log_import.draft.joints.joint_draft import draft_mapping
 from samrl_ros.log_import.draft.writing import as_yaml
 from samrl_ros.log_import.formats.rosbag import list_topics
 from samrl_ros.log_import.formulas import evaluate

@@ -6,17 +6,17 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from samrl_ros.log_import.draft.blocks import ROS_TYPES, numbers_of
-from samrl_ros.log_import.draft.body_draft import draft_bodies
-from samrl_ros.log_import.draft.clock_draft import LEAST, draft_stamped_topic
-from samrl_ros.log_import.draft.depth_draft import draft_depth_images
-from samrl_ros.log_import.draft.draft import draft_mapping
+from samrl_ros.log_import.draft.bodies.body_draft import draft_bodies
+from samrl_ros.log_import.draft.bodies.seen_tracks import are_at_once, is_named_body, is_of_a_machine
 from samrl_ros.log_import.draft.guess import Draft, Effort
-from samrl_ros.log_import.draft.joint_chain import draft_joint_chain
-from samrl_ros.log_import.draft.logged_tracks import LoggedTable, LoggedTrack, read_logged_tables
-from samrl_ros.log_import.draft.pose_draft import are_roles_sure, draft_pairs, draft_poses
-from samrl_ros.log_import.draft.reading_draft import draft_readings
-from samrl_ros.log_import.draft.seen_tracks import are_at_once, is_named_body, is_of_a_machine
-from samrl_ros.log_import.draft.transform_chains import find_bag_chains
+from samrl_ros.log_import.draft.joints.joint_draft import draft_mapping
+from samrl_ros.log_import.draft.poses.joint_chain import draft_joint_chain
+from samrl_ros.log_import.draft.poses.pose_draft import are_roles_sure, draft_pairs, draft_poses
+from samrl_ros.log_import.draft.readings.clock_draft import LEAST, draft_stamped_topic
+from samrl_ros.log_import.draft.readings.depth_draft import draft_depth_images
+from samrl_ros.log_import.draft.readings.reading_draft import draft_readings
+from samrl_ros.log_import.draft.tracks.logged_tracks import LoggedTable, LoggedTrack, read_logged_tables
+from samrl_ros.log_import.draft.tracks.transform_chains import find_bag_chains
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics
 
 

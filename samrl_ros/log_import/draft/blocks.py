@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 
 from samrl_core.common.errors import InputError
-from samrl_ros.log_import.draft.arm_messages import ARM_MESSAGES, labels_of_array
 from samrl_ros.log_import.draft.column_names import is_time, split_names
+from samrl_ros.log_import.draft.joints.arm_messages import ARM_MESSAGES, labels_of_array
 from samrl_ros.log_import.draft.text_layout import text_options
 from samrl_ros.log_import.formats.parquet import is_lerobot
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics

@@ -12,10 +12,10 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from samrl_core.cell.robots.panda.spec import PANDA
-from samrl_ros.log_import.draft.arm_messages import labels_of_array
 from samrl_ros.log_import.draft.column_names import meaning
-from samrl_ros.log_import.draft.draft import draft_mapping
 from samrl_ros.log_import.draft.guess import Draft
+from samrl_ros.log_import.draft.joints.arm_messages import labels_of_array
+from samrl_ros.log_import.draft.joints.joint_draft import draft_mapping
 from tests.recordings.draft.test_told_by_model import COUNT, POSITION, TIME, TORQUE
 
 URDF = PANDA.urdf.read_text()

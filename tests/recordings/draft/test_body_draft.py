@@ -20,7 +20,7 @@ from samrl_core.common.errors import InputError
 from samrl_ros.cli.main import run
 from samrl_ros.log_import.body_importer import bodies_of
 from samrl_ros.log_import.draft.any_draft import draft_any
-from samrl_ros.log_import.draft.free_fall import find_free_fall
+from samrl_ros.log_import.draft.bodies.free_fall import find_free_fall
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.writing import as_yaml
 from samrl_ros.log_import.pose_specs import LENGTHS

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from samrl_core.common.errors import InputError
 from samrl_ros.cli.main import run
 from samrl_ros.log_import.any_importer import import_any
-from samrl_ros.log_import.draft.logged_tracks import read_logged_tables
+from samrl_ros.log_import.draft.tracks.logged_tracks import read_logged_tables
 from samrl_ros.log_import.specs import CsvOptions
 from samrl_ros.log_import.tables import read_table
 

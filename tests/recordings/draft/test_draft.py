@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from samrl_core.common.errors import InputError
-from samrl_ros.log_import.draft.draft import draft_mapping
 from samrl_ros.log_import.draft.guess import Draft, Effort
+from samrl_ros.log_import.draft.joints.joint_draft import draft_mapping
 from samrl_ros.log_import.draft.writing import as_yaml
 from samrl_ros.log_import.foreign import is_foreign, read_foreign
 from samrl_ros.log_import.importer import import_recording

@@ -19,8 +19,8 @@ from samrl_ros.cli.main import run
 from samrl_ros.log_import.any_importer import import_any
 from samrl_ros.log_import.draft.any_draft import draft_any
 from samrl_ros.log_import.draft.guess import Draft
-from samrl_ros.log_import.draft.logged_tracks import read_logged_tables
-from samrl_ros.log_import.draft.pose_draft import draft_poses
+from samrl_ros.log_import.draft.poses.pose_draft import draft_poses
+from samrl_ros.log_import.draft.tracks.logged_tracks import read_logged_tables
 from samrl_ros.log_import.draft.writing import as_yaml
 from tests.diagnosis.poses.pose_worlds import PoseWorld, record
 

@@ -9,8 +9,8 @@ import pytest
 
 from samrl_ros.cli.main import run
 from samrl_ros.log_import.draft.guess import Draft
-from samrl_ros.log_import.draft.logged_tracks import read_logged_tables
-from samrl_ros.log_import.draft.reading_draft import draft_readings
+from samrl_ros.log_import.draft.readings.reading_draft import draft_readings
+from samrl_ros.log_import.draft.tracks.logged_tracks import read_logged_tables
 from samrl_ros.recordings.reading_file import read_reading_file
 
 

@@ -10,8 +10,8 @@ import pytest
 
 from samrl_core.cell.robots.panda.spec import PANDA
 from samrl_ros.cli.main import run
-from samrl_ros.log_import.draft.draft import draft_mapping
 from samrl_ros.log_import.draft.guess import Draft, Effort
+from samrl_ros.log_import.draft.joints.joint_draft import draft_mapping
 
 COUNT = 7
 HOME = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.7, 0.7])

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from samrl_ros.log_import.draft.draft import draft_mapping
+from samrl_ros.log_import.draft.joints.joint_draft import draft_mapping
 from samrl_ros.recordings.read import chained_joints
 
 _LINK = '<link name="{0}"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'  # noqa: E501

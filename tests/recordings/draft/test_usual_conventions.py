@@ -17,7 +17,7 @@ from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 from samrl_ros.log_import.body_importer import bodies_of
 from samrl_ros.log_import.draft.any_draft import draft_any
 from samrl_ros.log_import.draft.guess import Draft
-from samrl_ros.log_import.draft.matrix_columns import matrix_order, row_by_row
+from samrl_ros.log_import.draft.tracks.matrix_columns import matrix_order, row_by_row
 from samrl_ros.log_import.draft.writing import as_yaml
 from samrl_ros.log_import.pose_importer import poses_of
 from tests.diagnosis.bodies.body_worlds import World, several, toss

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from samrl_ros.log_import.draft.blocks import numbers_of
-from samrl_ros.log_import.draft.clock_draft import COUNTERS, describe_clocks, find_clocks
 from samrl_ros.log_import.draft.column_names import is_time, words_in
 from samrl_ros.log_import.draft.guess import Draft
-from samrl_ros.log_import.draft.logged_tracks import LoggedTable
+from samrl_ros.log_import.draft.readings.clock_draft import COUNTERS, describe_clocks, find_clocks
 from samrl_ros.log_import.draft.text_layout import stated_options
+from samrl_ros.log_import.draft.tracks.logged_tracks import LoggedTable
 from samrl_ros.log_import.pose_specs import LENGTHS
 from samrl_ros.log_import.table import Table
 

@@ -18,10 +18,10 @@ from scipy.spatial.transform import Rotation
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_folder
 from samrl_ros.log_import.draft.column_names import CAMERAS, SEEN
-from samrl_ros.log_import.draft.found_track import LEAST
-from samrl_ros.log_import.draft.logged_tracks import LoggedTrack, files_of
-from samrl_ros.log_import.draft.pose_runs import PoseRuns
-from samrl_ros.log_import.draft.pose_tracks import find_positions
+from samrl_ros.log_import.draft.tracks.found_track import LEAST
+from samrl_ros.log_import.draft.tracks.logged_tracks import LoggedTrack, files_of
+from samrl_ros.log_import.draft.tracks.pose_runs import PoseRuns
+from samrl_ros.log_import.draft.tracks.pose_tracks import find_positions
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics
 from samrl_ros.log_import.formats.transform_tree import (
     BETWEEN,

@@ -8,12 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from samrl_ros.log_import.draft.angle_names import LETTERS, OPENCV, add_makers_angles, part_opencv
 from samrl_ros.log_import.draft.blocks import numbers_of
 from samrl_ros.log_import.draft.column_names import FRAME_LETTERS, is_time
-from samrl_ros.log_import.draft.found_track import LEAST, Component, FoundTrack, matrix_parts
-from samrl_ros.log_import.draft.matrix_columns import WIDTHS
-from samrl_ros.log_import.draft.unnamed_tracks import find_unnamed
+from samrl_ros.log_import.draft.tracks.angle_names import LETTERS, OPENCV, add_makers_angles, part_opencv
+from samrl_ros.log_import.draft.tracks.found_track import LEAST, Component, FoundTrack, matrix_parts
+from samrl_ros.log_import.draft.tracks.matrix_columns import WIDTHS
+from samrl_ros.log_import.draft.tracks.unnamed_tracks import find_unnamed
 from samrl_ros.log_import.table import Table
 
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")

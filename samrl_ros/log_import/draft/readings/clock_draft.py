@@ -17,7 +17,7 @@ from samrl_ros.log_import.draft import evidence
 from samrl_ros.log_import.draft.blocks import ROS_TYPES, numbers_of
 from samrl_ros.log_import.draft.column_names import is_time, meaning, words_in
 from samrl_ros.log_import.draft.guess import Draft
-from samrl_ros.log_import.draft.track_entries import SECONDS
+from samrl_ros.log_import.draft.tracks.track_entries import SECONDS
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics
 from samrl_ros.log_import.specs import CsvOptions
 from samrl_ros.log_import.table import Table

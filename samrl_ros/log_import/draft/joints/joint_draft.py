@@ -13,9 +13,11 @@ import numpy as np
 
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_folder
-from samrl_ros.log_import.draft.arm_messages import ARM_MESSAGES, is_libfranka, numbered_joints
 from samrl_ros.log_import.draft.blocks import LogBlock, LogPart, read_parts
-from samrl_ros.log_import.draft.channels import (
+from samrl_ros.log_import.draft.column_names import NameMeaning, meaning, words_in
+from samrl_ros.log_import.draft.guess import Draft, Effort
+from samrl_ros.log_import.draft.joints.arm_messages import ARM_MESSAGES, is_libfranka, numbered_joints
+from samrl_ros.log_import.draft.joints.channels import (
     NamedBlock,
     add_command,
     add_effort,
@@ -24,9 +26,7 @@ from samrl_ros.log_import.draft.channels import (
     name_of,
     quantity_of,
 )
-from samrl_ros.log_import.draft.column_names import NameMeaning, meaning, words_in
-from samrl_ros.log_import.draft.guess import Draft, Effort
-from samrl_ros.log_import.draft.told_by_model import is_without_gravity, settle_by_model, told_by_model
+from samrl_ros.log_import.draft.joints.told_by_model import is_without_gravity, settle_by_model, told_by_model
 from samrl_ros.log_import.formats.parquet import episodes, is_lerobot
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics, read_text_topic
 from samrl_ros.log_import.tables import RARELY_LOGS, SUFFIXES

@@ -20,10 +20,10 @@ from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.residuals.poses.solve import closing_error
 from samrl_ros.log_import.draft.column_names import BASES, CAMERAS, CARRIED, SEEN
 from samrl_ros.log_import.draft.guess import Draft
-from samrl_ros.log_import.draft.logged_tracks import LoggedTrack
-from samrl_ros.log_import.draft.pose_runs import PoseRuns, find_pose_runs
-from samrl_ros.log_import.draft.pose_turns import turns_apart
-from samrl_ros.log_import.draft.track_entries import (
+from samrl_ros.log_import.draft.poses.pose_turns import turns_apart
+from samrl_ros.log_import.draft.tracks.logged_tracks import LoggedTrack
+from samrl_ros.log_import.draft.tracks.pose_runs import PoseRuns, find_pose_runs
+from samrl_ros.log_import.draft.tracks.track_entries import (
     FAR,
     FoundTime,
     add_track_entry,
@@ -35,7 +35,7 @@ from samrl_ros.log_import.draft.track_entries import (
     source_data,
     track_numbers,
 )
-from samrl_ros.log_import.draft.transform_chains import FoundChains
+from samrl_ros.log_import.draft.tracks.transform_chains import FoundChains
 from samrl_ros.log_import.pose_importer import SLOW_HZ, import_poses
 from samrl_ros.log_import.pose_specs import PoseRecordingSpec
 from samrl_ros.log_import.sources import SourceData

@@ -14,8 +14,7 @@ import numpy as np
 from samrl_core.common.errors import InputError
 from samrl_ros.log_import.draft.column_names import CAMERAS
 from samrl_ros.log_import.draft.guess import Draft
-from samrl_ros.log_import.draft.logged_tracks import LoggedTrack, read_logged_tables
-from samrl_ros.log_import.draft.pose_draft import (
+from samrl_ros.log_import.draft.poses.pose_draft import (
     CLEARLY,
     CLOSES_M,
     MOST_VIEWS,
@@ -24,7 +23,13 @@ from samrl_ros.log_import.draft.pose_draft import (
     side_of,
     state,
 )
-from samrl_ros.log_import.draft.track_entries import add_track_entry, add_track_source, every_nth, source_data
+from samrl_ros.log_import.draft.tracks.logged_tracks import LoggedTrack, read_logged_tables
+from samrl_ros.log_import.draft.tracks.track_entries import (
+    add_track_entry,
+    add_track_source,
+    every_nth,
+    source_data,
+)
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics
 from samrl_ros.log_import.sources import SourceData
 from samrl_ros.log_import.specs import CsvOptions

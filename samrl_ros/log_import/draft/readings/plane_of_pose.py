@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from samrl_ros.log_import.draft.found_track import FoundTrack
+from samrl_ros.log_import.draft.tracks.found_track import FoundTrack
 
 
 def plane_formulas(track: FoundTrack) -> tuple[dict[str, str], dict[str, str]] | None:

@@ -9,11 +9,18 @@ import numpy as np
 
 from samrl_core.diagnosis.residuals.bodies.phase_search import CONTACT, find_phases
 from samrl_ros.log_import.draft.blocks import numbers_of
+from samrl_ros.log_import.draft.bodies.free_fall import FreeFall, G, find_free_fall, find_unscaled_fall
 from samrl_ros.log_import.draft.column_names import meaning, words_in
-from samrl_ros.log_import.draft.free_fall import FreeFall, G, find_free_fall, find_unscaled_fall
-from samrl_ros.log_import.draft.logged_tracks import SHARED, LoggedTrack
-from samrl_ros.log_import.draft.pose_tracks import RATES
-from samrl_ros.log_import.draft.track_entries import FAR, INCH_M, SECONDS, FoundTime, find_frames, find_time
+from samrl_ros.log_import.draft.tracks.logged_tracks import SHARED, LoggedTrack
+from samrl_ros.log_import.draft.tracks.pose_tracks import RATES
+from samrl_ros.log_import.draft.tracks.track_entries import (
+    FAR,
+    INCH_M,
+    SECONDS,
+    FoundTime,
+    find_frames,
+    find_time,
+)
 from samrl_ros.log_import.pose_specs import LENGTHS
 
 BODIES = frozenset(

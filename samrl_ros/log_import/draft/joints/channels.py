@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from samrl_ros.log_import.draft import evidence
-from samrl_ros.log_import.draft.arm_messages import ARM_MESSAGES, is_libfranka
 from samrl_ros.log_import.draft.blocks import LogBlock, LogPart
 from samrl_ros.log_import.draft.column_names import NameMeaning, meaning, words_in
 from samrl_ros.log_import.draft.guess import Draft, Effort
+from samrl_ros.log_import.draft.joints.arm_messages import ARM_MESSAGES, is_libfranka
 from samrl_ros.log_import.draft.text_layout import stated_options
 
 # Arms with torque sensors behind the gears, by how their makers' packages name the joints.

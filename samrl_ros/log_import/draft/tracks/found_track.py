@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from samrl_ros.log_import.draft.matrix_columns import ROWS, matrix_order, row_by_row
+from samrl_ros.log_import.draft.tracks.matrix_columns import ROWS, matrix_order, row_by_row
 
 LEAST = 6  # rows, below which no pair of poses says anything
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from samrl_ros.log_import.draft.logged_tracks import LoggedTrack
+from samrl_ros.log_import.draft.tracks.logged_tracks import LoggedTrack
 
 
 @dataclass(frozen=True, eq=False)

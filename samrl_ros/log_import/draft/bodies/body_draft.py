@@ -14,13 +14,8 @@ import numpy as np
 
 from samrl_core.common.errors import InputError
 from samrl_ros.log_import.draft.blocks import numbers_of
-from samrl_ros.log_import.draft.column_names import meaning, words_in
-from samrl_ros.log_import.draft.found_track import Component
-from samrl_ros.log_import.draft.free_fall import SURE_LEAN, FreeFall, G, find_unscaled_fall
-from samrl_ros.log_import.draft.guess import Draft
-from samrl_ros.log_import.draft.logged_tracks import LoggedTrack
-from samrl_ros.log_import.draft.pose_tracks import numbers_of_parts
-from samrl_ros.log_import.draft.seen_tracks import (
+from samrl_ros.log_import.draft.bodies.free_fall import SURE_LEAN, FreeFall, G, find_unscaled_fall
+from samrl_ros.log_import.draft.bodies.seen_tracks import (
     BODIES,
     SeenTrack,
     choose_track,
@@ -30,7 +25,12 @@ from samrl_ros.log_import.draft.seen_tracks import (
     is_of_a_machine,
     look_at,
 )
-from samrl_ros.log_import.draft.track_entries import (
+from samrl_ros.log_import.draft.column_names import meaning, words_in
+from samrl_ros.log_import.draft.guess import Draft
+from samrl_ros.log_import.draft.tracks.found_track import Component
+from samrl_ros.log_import.draft.tracks.logged_tracks import LoggedTrack
+from samrl_ros.log_import.draft.tracks.pose_tracks import numbers_of_parts
+from samrl_ros.log_import.draft.tracks.track_entries import (
     add_columns,
     add_track_entry,
     add_track_source,

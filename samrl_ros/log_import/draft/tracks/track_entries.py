@@ -11,11 +11,11 @@ import numpy as np
 from samrl_ros.log_import.draft import evidence
 from samrl_ros.log_import.draft.blocks import numbers_of
 from samrl_ros.log_import.draft.column_names import meaning, words_in
-from samrl_ros.log_import.draft.found_track import Component
 from samrl_ros.log_import.draft.guess import Draft
-from samrl_ros.log_import.draft.logged_tracks import LoggedTrack
-from samrl_ros.log_import.draft.pose_tracks import numbers_of_parts, time_columns
 from samrl_ros.log_import.draft.text_layout import stated_options
+from samrl_ros.log_import.draft.tracks.found_track import Component
+from samrl_ros.log_import.draft.tracks.logged_tracks import LoggedTrack
+from samrl_ros.log_import.draft.tracks.pose_tracks import numbers_of_parts, time_columns
 from samrl_ros.log_import.sources import SourceData
 from samrl_ros.log_import.table import Table
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_ros.log_import.draft.found_track import LEAST, Component, FoundTrack, matrix_parts
+from samrl_ros.log_import.draft.tracks.found_track import LEAST, Component, FoundTrack, matrix_parts
 from samrl_ros.log_import.table import Table
 
 _UNIT_LENGTH = 0.01  # by which a quaternion's length may differ from 1

@@ -18,10 +18,10 @@ from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_file, is_folder
 from samrl_ros.log_import.draft.column_names import is_time, words_in
 from samrl_ros.log_import.draft.guess import Draft
-from samrl_ros.log_import.draft.plane_of_pose import plane_formulas
-from samrl_ros.log_import.draft.pose_tracks import find_tracks
-from samrl_ros.log_import.draft.reading_draft import says_truth
+from samrl_ros.log_import.draft.readings.plane_of_pose import plane_formulas
+from samrl_ros.log_import.draft.readings.reading_draft import says_truth
 from samrl_ros.log_import.draft.text_layout import stated_options, text_options
+from samrl_ros.log_import.draft.tracks.pose_tracks import find_tracks
 from samrl_ros.log_import.formats.depth_images import (
     STACKS,
     arrays_in,

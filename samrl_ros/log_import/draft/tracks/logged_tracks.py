@@ -14,14 +14,14 @@ from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_file, is_folder
 from samrl_ros.log_import.draft.blocks import numbers_of
 from samrl_ros.log_import.draft.column_names import BASES, CAMERAS, CARRIED, SEEN, is_time
-from samrl_ros.log_import.draft.found_track import LEAST, FoundTrack
-from samrl_ros.log_import.draft.pose_tracks import (
+from samrl_ros.log_import.draft.text_layout import text_options
+from samrl_ros.log_import.draft.tracks.found_track import LEAST, FoundTrack
+from samrl_ros.log_import.draft.tracks.pose_tracks import (
     empty_zeros,
     find_positions,
     named_frames,
     position_of,
 )
-from samrl_ros.log_import.draft.text_layout import text_options
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics, read_frames
 from samrl_ros.log_import.formats.text import rows_of
 from samrl_ros.log_import.formats.transform_tree import frames_of

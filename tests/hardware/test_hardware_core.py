@@ -128,6 +128,20 @@ def test_another_arm_on_the_same_topic_is_passed_over() -> None:
     assert all(list(m.name) == list(SPEC.joint_names) for m in rig.on(arm_topic("tool_arm", "joint_states")))
 
 
+def test_a_driver_that_renames_its_joints_in_an_episode_stops_its_arm() -> None:
+    rig = Rig()
+    rig.in_an_episode()
+    for number in range(400):
+        rig.now_ns += PERIOD_NS
+        renamed = rig.joint_state("tool_arm")
+        renamed.name = [f"j{joint}" for joint in range(7)]
+        rig.core.hear("tool_arm", "joint_states", renamed, 1e-9 * rig.now_ns)
+        if number == 200:  # 0.8 s: a busy machine, or others' messages that overtake
+            assert rig.on(cell_topic("safety_state"))[-1].level == b"\x00"
+    safety = rig.on(cell_topic("safety_state"))[-1]
+    assert safety.level == b"\x02" and "j0" in safety.message and "`joints`" in safety.message
+
+
 def test_a_topic_with_others_joints_alone_names_them() -> None:
     rig = Rig()
     for _ in range(50):

@@ -61,7 +61,7 @@ class ArmGuards:
         """More than one publisher has a say on `<arm>/command`: the arm brakes, and all are named."""
         self.refused_commands += 1
         reason = why_rivals(role, publishers)
-        if self._guards[role].status.state not in _LATCHED:
+        if not self.is_latched(role):
             self.fault(role, reason)
         elif self._rivals.get(role) != tuple(publishers):
             self._outbox.log("error", f"{role}: the arm is stopped already: {reason}")
@@ -97,6 +97,10 @@ class ArmGuards:
     def taken(self) -> int:
         """Commands taken so far."""
         return sum(guard.status.accepted for guard in self._guards.values())
+
+    def is_latched(self, role: str) -> bool:
+        """Whether an arm brakes or stands until somebody resets it."""
+        return self._guards[role].status.state in _LATCHED
 
     def is_estopped(self) -> bool:
         """Whether an emergency stop is latched."""

@@ -39,6 +39,9 @@ _TF_PERIOD_NS = 50_000_000
 _GAP_NS = (
     150_000_000  # without joint states before an episode: it tells the nodes that arms were moved by hand
 )
+_MISSED_NS = (
+    1_000_000_000  # of a topic on which others go on: the arm's driver has gone or names other joints
+)
 _SMOOTHING = 0.01  # of the clock offsets' running mean
 
 
@@ -135,7 +138,8 @@ class HardwareCore:
             self._observed.take(driver, part, stream, message, received_s)
             return
         if driver.kind == "arm" and not is_of(driver.joints or {}, message.name):
-            return  # a gripper's or another arm's, on the same topic
+            self._miss_arm(part, message)
+            return
         stamp_ns = from_message.stamp_ns(message)
         name = part if driver.kind == "arm" else stream
         offset = received_s - 1e-9 * stamp_ns
@@ -213,6 +217,17 @@ class HardwareCore:
 
     def _robot_s(self, role: str) -> float:
         return 1e-9 * self._readings[role].stamp_ns + self._limits.lead_s
+
+    def _miss_arm(self, role: str, message: Any) -> None:
+        """A joint state of a gripper or another arm on the same topic; with none of the arm beside it, a fault."""
+        missed_ns = from_message.stamp_ns(message) - self._passed_ns[role]
+        if self._may_move(role) and missed_ns > _MISSED_NS and not self.guards.is_latched(role):
+            self.guards.fault(
+                role,
+                f"no joint state of its own for {1e-9 * missed_ns:.1f} s, but of {list(message.name)}; "
+                "start its driver, or correct `joints` in the driver's file",
+            )
+            self.guards.publish_safety()
 
     def _hear_arm(self, role: str, driver: DriverFile, message: Any, stamp_ns: int) -> None:
         if not adapter.is_due(self._passed_ns[role], stamp_ns):

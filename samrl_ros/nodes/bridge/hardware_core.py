@@ -219,7 +219,7 @@ class HardwareCore:
         return 1e-9 * self._readings[role].stamp_ns + self._limits.lead_s
 
     def _miss_arm(self, role: str, message: Any) -> None:
-        """A joint state of a gripper or another arm on the same topic; with none of the arm beside it, a fault."""
+        """A joint state of a gripper or another arm on the same topic; where they go on alone, a fault."""
         missed_ns = from_message.stamp_ns(message) - self._passed_ns[role]
         if self._may_move(role) and missed_ns > _MISSED_NS and not self.guards.is_latched(role):
             self.guards.fault(

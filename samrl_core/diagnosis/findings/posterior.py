@@ -153,7 +153,7 @@ def _motion(trials: Sequence[Trial]) -> dict[str, np.ndarray]:
         return {}
     every = max(1, sum(len(t) for t in trials) // MOST_MOTION)
     parts = {
-        "time": [t.motion.t + t.motion.start_s for t in trials],
+        "time": [t.motion.session for t in trials],
         "position": [t.motion.q for t in trials],
         "velocity": [t.motion.dq for t in trials],
         "torque": [t.transmitted for t in trials],

@@ -47,7 +47,8 @@ LEAST_SURE_HZ = 1.0  # up to which a motion counts as one, or a fiftieth of a sl
 class RecordedMotion(SignalBand):
     """Signals of one recording: `full` rate (F, J) and, with a bar in the formulas, band-limited (N, J).
 
-    Attributes that the recording cannot give are None. Times are seconds since its start.
+    Attributes that the recording cannot give are None. Times are stamps of the recording's own axis, which a
+    block of it keeps; `elapsed` counts from its first sample, `session` from that of the first recording.
     """
 
     def __init__(self, recording: ArmRecording, arm: RigidArm | None, start_s: float = 0.0) -> None:
@@ -99,6 +100,16 @@ class RecordedMotion(SignalBand):
 
     def __len__(self) -> int:
         return len(self.t)
+
+    @property
+    def elapsed(self) -> np.ndarray:
+        """Times (F,) since the first sample [s]."""
+        return self.time - self.time[0]
+
+    @property
+    def session(self) -> np.ndarray:
+        """Times (N,) since the first recording's start [s], recordings one after another."""
+        return self.start_s + self.t - self.time[0]
 
     @property
     def has_torque(self) -> bool:

@@ -224,7 +224,7 @@ def recording_columns(trial: Trial) -> list[tuple[Columns, float]]:
         return []
     out: list[tuple[Columns, float]] = []
     span = max(float(motion.time[-1] - motion.time[0]), 1e-9)
-    elapsed = (motion.time - motion.time[0]) / span
+    elapsed = motion.elapsed / span
     rate, noise = integrated_terms(motion)
     step = 1.0 / motion.rate
     for j in winding:

@@ -123,7 +123,7 @@ class WarmingForm(DriveForm):
         """Fields of a simulator that warms with time alone, as near as it comes in this recording."""
         motion = trial.motion
         level = float(amplitudes[0]) + float(amplitudes[1]) * self.cold(motion, self.joint, shape)
-        return self.simulate_warming(trial, shape, *_fit_time(motion.time - motion.time[0], level))
+        return self.simulate_warming(trial, shape, *_fit_time(motion.elapsed, level))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -133,11 +133,16 @@ class WarmingWithTime(WarmingForm):
     once: bool
 
     def cold(self, motion: RecordedMotion, joint: int, shape: Shape) -> np.ndarray:
-        start = motion.start_s if self.once else 0.0
-        return np.exp(-(start + motion.time - motion.time[0]) / shape["T"])
+        return np.exp(-(self.ran(motion) + motion.elapsed) / shape["T"])
+
+    def ran(self, motion: RecordedMotion) -> float:
+        """How long the drive had run when the recording began [s]."""
+        return motion.start_s if self.once else 0.0
 
     def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
-        return self.simulate_warming(trial, shape, float(amplitudes[0]), float(amplitudes[1]), shape["T"])
+        warm, rise = map(float, amplitudes)
+        ran = self.at_joints(trial, self.ran(trial.motion))
+        return {**self.simulate_warming(trial, shape, warm, rise, shape["T"]), "thermal_offset": ran}
 
 
 class WarmingByWork(WarmingForm):

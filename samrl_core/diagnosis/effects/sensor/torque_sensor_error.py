@@ -71,7 +71,7 @@ class WrongReading(Form):
                 # explain them.
                 return trial.model_torque[:, self.joint]
             case "d":
-                return motion.start_s + motion.t
+                return motion.session
             case "w":
                 # Powered for the recording: cold at each one's start.
                 return np.exp(-(motion.t - motion.time[0]) / shape["T"])
@@ -94,9 +94,10 @@ class WrongReading(Form):
         if "w" in self.amplitudes:
             return None  # the simulated sensor knows no warm-up
         found = self.parameters(trial, shape, amplitudes)
+        drifted = found["d"] * trial.motion.start_s  # the simulated drift begins anew with each recording
         return {
             "sensor_gain": self.at_joints(trial, found["g"]),
-            "sensor_bias": self.at_joints(trial, found["b"]),
+            "sensor_bias": self.at_joints(trial, found["b"] + drifted),
             "sensor_drift": self.at_joints(trial, found["d"]),
         }
 

@@ -1,0 +1,59 @@
+"""What goes on from recording to recording counts from the first start, in regressors and in simulation."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from samrl_core.diagnosis.effects import find_family
+from samrl_core.diagnosis.recordings import block
+from samrl_core.diagnosis.residuals.trial import Trial
+from tests.diagnosis import worlds
+from tests.diagnosis.cases import find_form
+from tests.diagnosis.worlds import BEND, LIFT
+
+BORDER_S = 2.0
+DRIFT, WARMING = "torque_sensor_error", "thermal_friction"
+
+
+@cache
+def parts() -> tuple[Trial, Trial]:
+    """Both parts of one recording, one after the other; a part keeps the recording's own time axis."""
+    (whole,) = worlds.record(worlds.plant(), "A", duration_s=4.0)
+    first, second = worlds.trials([block(whole, 0.0, BORDER_S), block(whole, BORDER_S, np.inf)])
+    return first, second
+
+
+def test_a_drift_goes_on_in_the_next_part_of_a_recording() -> None:
+    form = find_form(find_family(DRIFT), parts()[0], "joint:bend", "drift")
+    drift = [form.columns(trial, {})["link", BEND][1] for trial in parts()]
+    step = float(np.median(np.diff(drift[0])))
+    lost = 0.5  # [s] to the filters' edges and the part's last sample
+    assert drift[0][-1] < drift[1][0] < drift[0][-1] + lost + step
+    assert drift[1][-1] == pytest.approx(2.0 * BORDER_S, abs=lost)
+
+
+def test_a_later_recording_is_simulated_from_where_the_drift_has_come() -> None:
+    second = parts()[1]
+    form = find_form(find_family(DRIFT), second, "joint:bend", "drift")
+    amplitudes = np.array([0.3, 0.05])
+    fields = form.plant_fields(second, {}, amplitudes)
+    assert fields is not None
+    (real,) = worlds.trials(worlds.record(worlds.plant(**fields), "A", duration_s=2.0))
+    (nominal,) = worlds.trials(worlds.record(worlds.plant(), "A", duration_s=2.0))
+    assert real.motion.tau is not None and nominal.motion.tau is not None
+    seen = (real.motion.tau - nominal.motion.tau)[:, BEND]
+    since = second.motion.start_s + real.motion.session
+    assert seen == pytest.approx(0.3 + 0.05 * since, abs=1e-3)
+
+
+@pytest.mark.parametrize(("form", "ran"), [("session", BORDER_S), ("each recording", 0.0)])
+def test_a_drive_is_as_warm_as_it_has_become(form: str, ran: float) -> None:
+    second = parts()[1]
+    found = find_form(find_family(WARMING), second, "joint:lift", form)
+    shape = {"T": 3.0, "v": 0.005}
+    fields = found.plant_fields(second, shape, np.array([0.4, 0.6]))
+    assert fields is not None
+    assert np.asarray(fields["thermal_offset"])[LIFT] == pytest.approx(ran, abs=0.01)

@@ -113,6 +113,10 @@ class FakeCell:
             wanted = self._controllers[role].sample(self._now_ns + self._offset_ns)
             if wanted is not None:
                 position, velocity, acceleration = wanted
+                # Where set points came late, the spline catches up within a millisecond; no drive follows
+                # its second derivative beyond what the arm can do.
+                most = self._models[role].spec.limits.acceleration
+                acceleration = np.clip(acceleration, -most, most)
                 effort = self._models[role].effort_without_gravity(position, velocity, acceleration)
                 command = ArmCommand(self._world.time_ns, position, velocity, acceleration, effort)
                 self._world.command(role, command)

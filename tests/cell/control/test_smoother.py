@@ -73,6 +73,24 @@ def test_reaches_the_target_at_rest_with_all_joints_together() -> None:
     np.testing.assert_array_equal(smoother.step()[0], states[-1][0])
 
 
+@pytest.mark.parametrize("spec", [PANDA, RIZON4], ids=["panda", "rizon"])
+def test_a_motion_from_rest_to_rest_stays_on_the_straight_line(spec) -> None:
+    """Views are found clear of the other arm along that line."""
+    limits, rng = spec.limits, np.random.default_rng(5)
+    smoother = JointSmoother(limits, PERIOD)
+    for _ in range(20):
+        start, target = (
+            limits.lower + rng.uniform(0.2, 0.8, 7) * (limits.upper - limits.lower) for _ in "ab"
+        )
+        target[3] = start[3]  # a joint that has nowhere to go
+        smoother.reset(start)
+        smoother.set_target(target)
+        q = np.array([state[0] for state in run(smoother)])
+        way = target - start
+        along = (q - start) @ way / (way @ way)
+        np.testing.assert_allclose(q, start + along[:, None] * way, atol=1e-6)
+
+
 def test_starts_done_and_stands_still() -> None:
     smoother = at_home()
     assert smoother.done

@@ -128,7 +128,7 @@ class Agent:
         self._view_rng = np.random.default_rng(settings.seed)
         self.explore_from(0)
         self._believe(self._seen_error(correction))
-        searched = TouchSettings().doubting(settings.doubt).beside(self._seen)
+        searched = TouchSettings(sights=settings.sees_colours).doubting(settings.doubt).beside(self._seen)
         task, cell = self.model.task, self.model.cell
         lain_on = felt_surface(task)
         self._surface = None if lain_on is None else SurfaceTouch(lain_on, cell)
@@ -279,7 +279,7 @@ class Agent:
         if self._tip_offset is None or observation.stamp_ns == self._tip_seen_ns:
             return
         self._tip_seen_ns = observation.stamp_ns
-        if self._in_contact:
+        if self._in_contact or not self.settings.sees_tip:
             return  # the block hides the peg's end, which the fit would take for a shorter peg
         encoders = self.model.tip_in_base(observation.tool_arm.position).position
         self._tip_offset = self._tip_offset_fit.update(self._tip_offset, observation, encoders)

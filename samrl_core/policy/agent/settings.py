@@ -41,6 +41,8 @@ class AgentSettings:
     # remembered from episode to episode; a spatula feels for its plate, if that is of unknown height.
     touch: bool = False
     doubt: float = 1.0  # times the usual errors of calibration and images that a touched peg is searched with
+    sees_tip: bool = True  # whether images correct the tip's offset; off for ablations
+    sees_colours: bool = True  # whether a touched peg and its hole are told by colours; off for ablations
     actor_image: str = "rendered"  # of `ACTOR_IMAGES`; "real" for actors of randomised models, not updated
     seed: int = 0  # of strategy "random" and of exploration
     exploration: float = 0.0  # standard deviation of what is added to the residual while it is trained [m]

@@ -25,6 +25,7 @@ from samrl_core.model.real2sim.real2sim import Estimate, initial_estimate
 from samrl_core.model.real2sim.tip_offset import TipOffset
 from samrl_core.policy.agent.agent import Agent
 from samrl_core.policy.agent.settings import AgentSettings
+from samrl_core.policy.contact.seen_hole import SeenHole
 from samrl_core.policy.contact.surface_touch import FEEL
 
 CELL, TASK = cell_named(), task_named("peg_insertion_hard")
@@ -77,6 +78,29 @@ def test_the_next_episode_keeps_what_the_cell_told_and_a_new_agent_does_not(agen
     assert agent._touch.memory.error[0] == 0.001 and not agent._touch.in_contact
     agent.restart(SETTINGS)
     assert not agent._tip_offset.mean.any() and not agent._touch.memory.error.any()
+
+
+@pytest.mark.parametrize(("sees_tip", "sees_colours"), [(True, True), (False, True), (True, False)])
+def test_an_ablation_leaves_out_the_tip_or_the_colours_of_an_image(
+    agent: Agent, sees_tip: bool, sees_colours: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An image corrects the tip's offset, and hole and peg's end are looked for in it, unless left out."""
+    looked: list[str] = []
+    joints = ArmReading(0, TASK.start_joints(CELL)["tool_arm"], np.zeros(7), np.zeros(7))
+    camera = SimpleNamespace(camera_in_world=TASK.start_camera())
+    image: Any = SimpleNamespace(stamp_ns=7, tool_arm=joints, camera=camera)
+
+    def by_colour(hole: SeenHole, *given: Any) -> SeenHole:
+        looked.append("colours")
+        return hole
+
+    agent.restart(replace(SETTINGS, sees_tip=sees_tip, sees_colours=sees_colours))
+    fit = SimpleNamespace(update=lambda belief, *given: looked.append("tip") or seen(0.0003, 1))
+    monkeypatch.setitem(agent.__dict__, "_tip_offset_fit", fit)
+    monkeypatch.setattr(SeenHole, "with_image", by_colour)
+    agent.act(known(agent, 0.001), image)
+    assert looked == ["tip"] * sees_tip + ["colours"] * sees_colours
+    agent.restart(SETTINGS)
 
 
 def test_an_agent_that_only_looks_rests_its_camera_once_another_one_touches() -> None:

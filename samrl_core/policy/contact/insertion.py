@@ -284,16 +284,17 @@ def _follow(state: Insertion, reading: TipReading, pushed: np.ndarray, s: Insert
     up, here = float(pushed[2]), state.turning
     lean = np.array([*state.mouth.lean, 1.0])
     inside = _surely_inside(state, float(reading.tip[2]), s)
-    if here is None and not (inside and leans(up, left, s.turning)):
+    rubs = beyond_one_wall(pushed, s.turning.friction)  # one wall leads the peg, two hold it
+    if here is None and not (inside and leans(rubs, left, s.turning)):
         if up < s.smooth:  # what is read then is the joints' own
             state = _freer(state, reading)
         # As deep again as it is at most: what was taken for the hole and is not stops a short step gently.
         deep = max(s.slow_step, 1.5 * (state.touched - float(reading.tip[2])))
-        longest = s.deep_step if up < s.smooth else s.tight_step
+        longest = s.deep_step if rubs < s.smooth else s.tight_step
         down = -min(longest, deep, left + 0.0005) * lean
         return Move("inside", down + _relief(reading, pushed, s), state)
     if here is None:
-        turning, down = begun(reading, up, state.mouth.lean, s.turning), -s.turning.back
+        turning, down = begun(reading, rubs, state.mouth.lean, s.turning), -s.turning.back
     else:
         sank = (state.height - float(reading.tip[2])) / state.down if state.down > 0.0 else 1.0
         turning, down = turned_on(here, pushed, sank, s.turning)

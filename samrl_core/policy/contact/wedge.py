@@ -26,7 +26,7 @@ class TurningSettings:
     first: float = 6.0  # sideways force that is tried first, and by which it changes in an action [N]
     more: float = 3.0  # added where the peg rubs on [N]
     most: float = 15.0  # [N]
-    # Force along the axis from which on it is turned [N], where at least so much of the way is left [m].
+    # Force beyond one wall's from which on it is turned [N], where at least so much of the way is left [m].
     rubs: tuple[tuple[float, float], ...] = ((1.0, 0.008), (2.5, 0.003), (5.0, -1.0))
     presses: float = 1.0  # beyond its own friction from which on the peg leans more than it is turned [N]
     jams: float = 4.0  # from which on it is backed off even so [N]
@@ -60,17 +60,17 @@ def turning_axis(reading: TipReading) -> np.ndarray:
     return np.eye(2)[int(np.argmax(turn))]
 
 
-def leans(up: float, left: float, s: TurningSettings) -> bool:
-    """Whether a force along the axis [N] is worth a turn where so much of the way is left [m]."""
-    return up > next(force for force, way in s.rubs if left > way)
+def leans(rubs: float, left: float, s: TurningSettings) -> bool:
+    """Whether a force beyond one wall's [N] is worth a turn where so much of the way is left [m]."""
+    return rubs > next(force for force, way in s.rubs if left > way)
 
 
-def begun(reading: TipReading, up: float, lean: np.ndarray, s: TurningSettings) -> Turning:
+def begun(reading: TipReading, rubs: float, lean: np.ndarray, s: TurningSettings) -> Turning:
     """The first try: towards where images have the hole lean (2,), see `Mouth`."""
     turned = reading.turning[:2, :2] @ turning_axis(reading)
     towards = float(turned @ np.array([-lean[1], lean[0]]))
     force = s.first if towards >= 0.0 else -s.first
-    return Turning(force, force, float(np.copysign(s.more, force)), up)
+    return Turning(force, force, float(np.copysign(s.more, force)), rubs)
 
 
 def turned_on(turning: Turning, pushed: np.ndarray, sank: float, s: TurningSettings) -> tuple[Turning, float]:

@@ -131,6 +131,20 @@ def test_what_one_wall_rubs_is_no_lean() -> None:
     assert more.force == 13.0 and down < 0.0
 
 
+@pytest.mark.parametrize("side", [0.0, 4.0])
+def test_one_wall_that_rubs_begins_no_turn_and_two_do(side: float) -> None:
+    """1.2 N along the axis: without a sideways force two walls hold the peg, beside 4 N one leads it in."""
+    tip = np.array([*HOLE, FACE - 0.008])
+    mouth = Mouth(HOLE, 1e-8 * np.eye(2), FACE, np.zeros(2))
+    state = replace(begin(mouth, soft(tip, np.zeros(3))), phase="inside", touched=FACE, felt_face=True)
+    move = next_move(state, soft(tip, np.array([side, 0.0, 1.2])), S)
+    if side:
+        assert move.state.turning is None and move.displacement[2] == pytest.approx(-S.deep_step)
+    else:
+        assert move.state.turning is not None and move.displacement[2] > 0.0
+        assert move.state.turning.before == pytest.approx(1.2)
+
+
 def test_a_force_that_is_there_is_left() -> None:
     turning = Turning(6.0, 6.0, 3.0, 1.2)
     assert missing_force(turning, 2.0, T) == pytest.approx(4.0)

@@ -19,6 +19,8 @@ COMMON = 2.0 / 3.0  # of the joints that must show what is said of all
 USUAL_TURN = 0.005  # [rad/s] of a sign at an arm's speeds
 FAST = 1.2  # [rad/s] beyond an arm's speeds, where frictions may turn more slowly too
 TRAVEL_UNITS = 3.0  # of a slide's travel: each counts as a radian
+RIPPLES = 15.0  # [1/rad] order of a turning joint from which on a torque that repeats is called ripple
+REPEATED = 3.0  # periods within a slide's travel, likewise
 BEYOND = 3.0  # tolerances; a background of twice the tolerances is none
 
 
@@ -196,6 +198,18 @@ def travel_unit(trial: Trial, joint: int) -> float:
     if not trial.rigid.slides[joint]:
         return 1.0
     return max(float(trial.travel[joint]) / TRAVEL_UNITS, 1e-3)
+
+
+def least_ripple_order(trial: Trial, joint: int) -> float:
+    """Order [1/rad, 1/m] from which on a torque that repeats with the position is called gear ripple.
+
+    A slide has no turn to count by, and its drive turns many times within its travel: what repeats there
+    again and again comes from teeth, poles or a screw.
+    """
+    assert trial.rigid is not None
+    if not trial.rigid.slides[joint]:
+        return RIPPLES
+    return 2.0 * np.pi * REPEATED / (TRAVEL_UNITS * travel_unit(trial, joint))
 
 
 def widest_turn(trial: Trial, joints: tuple[int, ...], most: float) -> float:

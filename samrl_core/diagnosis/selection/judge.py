@@ -17,6 +17,7 @@ from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.result import NamedEffect
 from samrl_core.diagnosis.selection import verdict as rules
 from samrl_core.diagnosis.selection.confidence import estimates, probabilities
+from samrl_core.diagnosis.selection.foretelling import find_as_foretelling, is_denied_there
 from samrl_core.diagnosis.selection.how_far import HowFar, how_far
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, on_bound
 from samrl_core.diagnosis.selection.invariance import invariance_alarms
@@ -159,9 +160,7 @@ def judge_set(
     alarms: list[str] = []
     if chosen is not None:
         progress("how sure")
-        twins = find_twins(evidence, chosen, selection.rivals)
-        rivals = (*twins, *(r for r in selection.rivals if r not in twins)) if twins else selection.rivals
-        denied = [i for i, r in enumerate(rivals, 1) if i > len(twins) and _is_denied(selection, chosen, r)]
+        twins, rivals, denied = _rivals(evidence, held, selection, chosen)
         p = probabilities([chosen, *rivals], selection.remaining, range(1, len(twins) + 1), denied)
         named = tuple(
             _named(evidence, chosen, i, float(p[0]), "primary" if i == 0 else "secondary", rng)
@@ -189,6 +188,23 @@ def judge_set(
     if outcome.contradicted and not contradicted and len(named) > 1:
         contradicted = (len(named) - 1,)  # held-out recordings deny the set, and say not which of it
     return Judged(selection, named, runner_ups, tuple(alarms), far, outcome), contradicted
+
+
+def _rivals(
+    evidence: Evidence, held: Likelihood, selection: Selection, chosen: Fit
+) -> tuple[list[Fit], tuple[Fit, ...], list[int]]:
+    """Rivals that are as probable as the chosen set; all, those in front; indices of denied ones, from 1."""
+    k = selection.correlation_time
+    refuted = {id(r) for r in selection.rivals[:RUNNER_UPS] if is_denied_there(held, r, k)}
+    twins = [r for r in find_twins(evidence, chosen, selection.rivals) if id(r) not in refuted]
+    twins += [r for r in find_as_foretelling(evidence, held, selection) if r not in twins]
+    rivals = (*twins, *(r for r in selection.rivals if r not in twins)) if twins else selection.rivals
+    denied = [
+        i
+        for i, r in enumerate(rivals, 1)
+        if i > len(twins) and (id(r) in refuted or _is_denied(selection, chosen, r))
+    ]
+    return twins, rivals, denied
 
 
 def _is_denied(selection: Selection, chosen: Fit, rival: Fit) -> bool:

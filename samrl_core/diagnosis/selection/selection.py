@@ -281,7 +281,12 @@ def without_member(
         return evidence.fit([h for i, h in enumerate(fit.hypotheses) if i not in members])
 
     chosen = fewer(selection.chosen)
-    rivals = tuple(sorted((fewer(f) for f in selection.rivals), key=lambda f: -f.log_evidence))
+    others = [fewer(f) for f in selection.rivals]
+    if len(chosen.hypotheses) == 1:
+        # Beside what is gone some were impossible or worth nothing that alone are rivals.
+        found = {chosen.hypotheses[0].name, *(f.hypotheses[0].name for f in others)}
+        others += [f for f in selection.singles if f.hypotheses[0].name not in found]
+    rivals = tuple(sorted(others, key=lambda f: -f.log_evidence))
     return with_chosen(likelihood, held_out, selection, chosen, rivals)
 
 
@@ -319,10 +324,10 @@ def held_out_gains(held_out: Likelihood, fit: Fit, correlation: float) -> tuple[
     """
     if not held_out.blocks:
         return 0.0, 0.0
-    return _gains(held_out, held_out.y - held_out_remainder(held_out, fit), held_out.y, correlation)
+    return gains(held_out, held_out.y - held_out_remainder(held_out, fit), held_out.y, correlation)
 
 
-def _gains(held_out: Likelihood, p: np.ndarray, y: np.ndarray, correlation: float) -> tuple[float, float]:
+def gains(held_out: Likelihood, p: np.ndarray, y: np.ndarray, correlation: float) -> tuple[float, float]:
     """What residuals y (N,) win by a prediction p (N,), and what they would win were it exact [nat]."""
     weighed = (p - held_out.tolerated(p, correlation)) / correlation
     expected = 0.5 * float(weighed @ p)
@@ -379,7 +384,7 @@ def _worth(
     if any(h.effect.by_chance for h in wide.hypotheses):
         return True  # when chance strikes again, nothing that was fitted can say
     # Where they hold nothing beyond noise, nothing is left to remove: within the noise it must win, too.
-    won, expected = _gains(held_out, held_left - held_wide, held_left, k)
+    won, expected = gains(held_out, held_left - held_wide, held_left, k)
     if expected > SHOWN and won < settings.held_out_share * expected:
         return False
     return held_out_gains(held_out, narrow, k)[0] >= 0.0 or held_out_gains(held_out, wide, k)[0] >= 0.0

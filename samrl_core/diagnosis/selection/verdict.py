@@ -113,7 +113,7 @@ def decide(
     elif selection.held_out_remaining > selection.held_out_excess + settings.visible:
         refusals.append("with it, held-out recordings fit worse than without")
         contradicted = True
-    if far.gap is not None and far.gap.shrink is not None and far.gap.shrink < settings.worse:
+    if far.gap is not None and far.gap.shrink is not None and _grows(far.gap, settings):
         refusals.append(f"with it, the gap on held-out recordings grows by {-far.gap.shrink:.0%}")
         contradicted = True
     limit = selection.chosen.hypotheses[0].effect.limits_motion and (
@@ -226,6 +226,12 @@ def explains_all(selection: Selection, settings: VerdictSettings) -> bool:
 def denies(selection: Selection, settings: VerdictSettings) -> bool:
     """Whether held-out recordings would show what was fitted, and show nothing of it: a fit to noise."""
     return selection.held_out_expected > settings.shown and selection.held_out_gain < 0.0
+
+
+def _grows(gap: HeldOutGap, settings: VerdictSettings) -> bool:
+    """Whether held-out recordings come less close with what is named: much, or little and for sure."""
+    much = gap.shrink is not None and gap.shrink < settings.worse
+    return much or (gap.ci95 is not None and gap.ci95[1] < 0.0)
 
 
 def _by_a_twin(selection: Selection, gap: HeldOutGap) -> bool:

@@ -10,6 +10,7 @@ from samrl_core.diagnosis.effects.drive_torque import (
     TRAVEL_UNITS,
     DriveEffect,
     DriveForm,
+    least_ripple_order,
     travel_unit,
     usual_turns,
     widest_turn,
@@ -56,6 +57,7 @@ class PositionDependentFriction(DriveEffect):
         (joint,) = place.joints
         unit = travel_unit(trial, joint)
         periods = [2.0 * np.pi * n / max(float(trial.travel[joint]), 1e-6) for n in OVER_TRAVEL]
+        ripple = least_ripple_order(trial, joint)
         few = [k for k in periods if k > max(ORDERS) / unit]
         grid = tuple({"k": k} for k in (*(k / unit for k in ORDERS), *few))
         limits, wave = (
@@ -85,8 +87,8 @@ class PositionDependentFriction(DriveEffect):
                 name="torque",
                 place=place,
                 amplitudes=wave,
-                shapes=grid[: len(ORDERS)],
-                refine={"k": (LOWEST / unit, HIGHEST / unit)},
+                shapes=tuple(shape for shape in grid[: len(ORDERS)] if shape["k"] < ripple),
+                refine={"k": (LOWEST / unit, ripple)},
             ),
             FrictionEverywhere(
                 name="friction everywhere",

@@ -5,10 +5,18 @@ from __future__ import annotations
 import numpy as np
 from scipy import signal
 
-from samrl_core.diagnosis.effects.drive_torque import DriveEffect, DriveForm, travel_unit
+from samrl_core.diagnosis.effects.drive_torque import (
+    DriveEffect,
+    DriveForm,
+    least_ripple_order,
+    travel_unit,
+)
 from samrl_core.diagnosis.effects.effect import Parameter
 from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.residuals.trial import Trial
+
+HIGHEST = 420.0  # [1/rad] order that is searched
+LOWER, HIGHER = 14.0 / 15.0, 43.0 / 42.0  # times the orders searched, within which the best one is refined
 
 
 class GearRipple(DriveEffect):
@@ -39,7 +47,8 @@ class GearRipple(DriveEffect):
         (joint,) = place.joints
         grid = tuple({"N": n} for n in _peaks(trial, joint))
         unit = travel_unit(trial, joint)
-        limits, first, second = {"N": (14.0 / unit, 430.0 / unit)}, ("sine", "cosine"), ("sine2", "cosine2")
+        limits = {"N": (LOWER * least_ripple_order(trial, joint), HIGHER * HIGHEST / unit)}
+        first, second = ("sine", "cosine"), ("sine2", "cosine2")
         return (
             Ripple(place=place, amplitudes=first, shapes=grid, refine=limits, step=0.003),
             # Per turn of a wave generator, and twice.
@@ -88,10 +97,11 @@ def _peaks(trial: Trial, joint: int, count: int = 4) -> list[float]:
     moving = speed > 0.01 * unit
     if np.count_nonzero(moving) < 50:
         return [100.0 / unit]
+    lowest = least_ripple_order(trial, joint)
     smooth = signal.medfilt(residual, 15)
     detail, q, speed = (residual - smooth)[moving], q[moving], speed[moving]
     span = max(float(np.ptp(q)), 0.1 * unit)
-    orders = np.arange(15.0 / unit, 420.0 / unit, np.pi / 2 / span)
+    orders = np.arange(lowest, HIGHEST / unit, np.pi / 2 / span)
     power = np.zeros(len(orders))
     for k, n in enumerate(orders):
         inside = n * speed < 2 * np.pi * 0.8 * trial.motion.band

@@ -62,102 +62,152 @@ def decide(
 ) -> Decision:
     """Apply the rules in order: no gap, none of mine, ambiguous, effect."""
     if selection.chosen is None:
-        if only_held_out(selection, settings):
-            return Decision(
-                "none_of_mine",
-                (
-                    f"held-out recordings hold {selection.held_out_excess:.0f} of log evidence beyond noise"
-                    " and tolerances, the fitted ones do not",
-                    "fit a recording of the same kind too",
-                ),
-                unexplained=1.0,
-            )
-        if selection.excess < settings.no_gap:
-            return Decision(
-                "no_gap",
-                (
-                    "nothing beyond sensor noise and the stated tolerances was found",
-                    _not_enough(selection),
-                ),
-            )
-        return Decision(
-            "none_of_mine",
-            (
-                f"the recordings hold {selection.excess:.0f} of log evidence beyond noise and tolerances",
-                f"no effect of the library reaches {selection.threshold:.1f} of log evidence",
-            ),
-            unexplained=1.0,
-        )
-    reasons, refusals = [], []
-    much_left = []
-    contradicted = False
-    if selection.excess > settings.visible and selection.unexplained > settings.unexplained:
-        much_left.append(
-            f"{selection.unexplained:.0%} of the gap stays unexplained with {named[0].name}, "
-            f"more than {settings.unexplained:.0%}"
-        )
-    by_chance = any(h.effect.by_chance for h in selection.chosen.hypotheses)
-    if selection.held_out_excess > settings.visible and not by_chance:
-        left = selection.held_out_unexplained
-        if left > settings.held_out_unexplained:
-            much_left.append(
-                f"on held-out recordings {left:.0%} stay unexplained,"
-                f" more than {settings.held_out_unexplained:.0%}"
-            )
-    elif not by_chance and denies(selection, settings):
-        refusals.append(
-            f"what was fitted should win {selection.held_out_expected:.0f} of log likelihood on held-out"
-            f" recordings, and loses {-selection.held_out_gain:.0f}"
-        )
-        contradicted = True
-    elif selection.held_out_remaining > selection.held_out_excess + settings.visible:
-        refusals.append("with it, held-out recordings fit worse than without")
-        contradicted = True
-    if far.gap is not None and far.gap.shrink is not None and _grows(far.gap, settings):
-        refusals.append(f"with it, the gap on held-out recordings grows by {-far.gap.shrink:.0%}")
-        contradicted = True
-    limit = selection.chosen.hypotheses[0].effect.limits_motion and (
-        not explains_all(selection, settings) or _moves_wrongly(far, settings)
-    )
-    if limit and 0.0 <= _moves(far) < settings.limits:
-        refusals.append(f"{named[0].name} is no limit: without it the motion is hardly simulated worse")
-    refusals += list(alarms)
+        return _without_a_cause(selection, settings)
+    first = named[0]
+    much_left = _much_left(selection, first, settings)
+    denials = _denials(selection, far, settings)
+    refusals = [*denials, *_no_limit(selection, first, far, settings), *alarms]
     stands = bool(much_left) and not refusals and is_dominant(selection, far, settings)
     if much_left and not stands:
         refusals = [*much_left, *refusals]
     if refusals:
-        wrong = f"nearest is {named[0].name}, which would be wrong"
-        return Decision("none_of_mine", (*refusals, wrong), contradicted=contradicted)
+        wrong = f"nearest is {first.name}, which would be wrong"
+        return Decision("none_of_mine", (*refusals, wrong), contradicted=bool(denials))
+    reasons = []
     if stands:
         reasons.append(
             f"{selection.unexplained:.0%} of the torque residual stays unexplained: there is more, and"
-            f" smaller; {named[0].name} is named for the motion, which it brings closer at the size found"
+            f" smaller; {first.name} is named for the motion, which it brings closer at the size found"
         )
-    tied = [r.name for r in runner_ups if r.probability > settings.rival]
-    if named[0].probability < settings.tie and tied:
-        reasons.append(
-            f"{named[0].name} ({named[0].probability:.0%}) cannot be told from {', '.join(tied)} here"
+    tie = _tie(first, runner_ups, far, settings)
+    if tie is not None:
+        return Decision("ambiguous", (*reasons, tie.reason), tie.names)
+    return Decision("effect", (*reasons, *_why_named(selection, first, runner_ups, far)))
+
+
+def _without_a_cause(selection: Selection, settings: VerdictSettings) -> Decision:
+    """The verdict where no effect was chosen."""
+    if only_held_out(selection, settings):
+        return Decision(
+            "none_of_mine",
+            (
+                f"held-out recordings hold {selection.held_out_excess:.0f} of log evidence beyond noise"
+                " and tolerances, the fitted ones do not",
+                "fit a recording of the same kind too",
+            ),
+            unexplained=1.0,
         )
-        return Decision("ambiguous", tuple(reasons), tuple(tied))
-    if (closer := _moves_closer(far, settings)) is not None and closer in {r.name for r in runner_ups}:
-        assert far.gap is not None and far.gap.shrink is not None and far.gap.margin is not None
-        reasons.append(
-            f"{named[0].name} explains more of the torque, but {closer} brings simulated motion closer:"
-            f" by {far.gap.shrink - far.gap.margin:.0%} on held-out recordings, not by {far.gap.shrink:.0%}"
+    if selection.excess < settings.no_gap:
+        return Decision(
+            "no_gap",
+            ("nothing beyond sensor noise and the stated tolerances was found", _not_enough(selection)),
         )
-        return Decision("ambiguous", tuple(reasons), (closer,))
-    reasons.append(
-        f"{named[0].name} gains {named[0].gain:.0f} of log evidence; {selection.threshold:.0f} are needed"
+    return Decision(
+        "none_of_mine",
+        (
+            f"the recordings hold {selection.excess:.0f} of log evidence beyond noise and tolerances",
+            f"no effect of the library reaches {selection.threshold:.1f} of log evidence",
+        ),
+        unexplained=1.0,
     )
+
+
+def _much_left(selection: Selection, first: NamedEffect, settings: VerdictSettings) -> list[str]:
+    """Where too much of the gap stays unexplained; empty if nowhere."""
+    out = []
+    if selection.excess > settings.visible and selection.unexplained > settings.unexplained:
+        out.append(
+            f"{selection.unexplained:.0%} of the gap stays unexplained with {first.name}, "
+            f"more than {settings.unexplained:.0%}"
+        )
+    left = selection.held_out_unexplained
+    if _is_visible_there(selection, settings) and left > settings.held_out_unexplained:
+        out.append(
+            f"on held-out recordings {left:.0%} stay unexplained,"
+            f" more than {settings.held_out_unexplained:.0%}"
+        )
+    return out
+
+
+def _is_visible_there(selection: Selection, settings: VerdictSettings) -> bool:
+    """Whether shares of the held-out gap say something; when chance strikes again, they do not."""
+    return selection.held_out_excess > settings.visible and not _by_chance(selection)
+
+
+def _by_chance(selection: Selection) -> bool:
+    assert selection.chosen is not None
+    return any(h.effect.by_chance for h in selection.chosen.hypotheses)
+
+
+def _denials(selection: Selection, far: HowFar, settings: VerdictSettings) -> list[str]:
+    """How held-out recordings contradict what was fitted; empty if they do not."""
+    out = []
+    if not _is_visible_there(selection, settings):
+        if not _by_chance(selection) and denies(selection, settings):
+            out.append(
+                f"what was fitted should win {selection.held_out_expected:.0f} of log likelihood on held-out"
+                f" recordings, and loses {-selection.held_out_gain:.0f}"
+            )
+        elif selection.held_out_remaining > selection.held_out_excess + settings.visible:
+            out.append("with it, held-out recordings fit worse than without")
+    if far.gap is not None and far.gap.shrink is not None and _grows(far.gap, settings):
+        out.append(f"with it, the gap on held-out recordings grows by {-far.gap.shrink:.0%}")
+    return out
+
+
+def _no_limit(
+    selection: Selection, first: NamedEffect, far: HowFar, settings: VerdictSettings
+) -> tuple[str, ...]:
+    """Why what is named as a limit of the drive is none; empty if it may be one."""
+    assert selection.chosen is not None
+    limit = selection.chosen.hypotheses[0].effect.limits_motion and (
+        not explains_all(selection, settings) or _moves_wrongly(far, settings)
+    )
+    if limit and 0.0 <= _moves(far) < settings.limits:
+        return (f"{first.name} is no limit: without it the motion is hardly simulated worse",)
+    return ()
+
+
+@dataclass(frozen=True)
+class Tie:
+    """Rivals that are as probable as what is named, and why."""
+
+    names: tuple[str, ...]
+    reason: str
+
+
+def _tie(
+    first: NamedEffect, runner_ups: Sequence[NamedEffect], far: HowFar, settings: VerdictSettings
+) -> Tie | None:
+    """By probability, or as a rival brings simulated motion much closer; None if there is no tie."""
+    tied = tuple(r.name for r in runner_ups if r.probability > settings.rival)
+    if first.probability < settings.tie and tied:
+        return Tie(tied, f"{first.name} ({first.probability:.0%}) cannot be told from {', '.join(tied)} here")
+    closer = _moves_closer(far, settings)
+    if closer is None or closer not in {r.name for r in runner_ups}:
+        return None
+    assert far.gap is not None and far.gap.shrink is not None and far.gap.margin is not None
+    return Tie(
+        (closer,),
+        f"{first.name} explains more of the torque, but {closer} brings simulated motion closer:"
+        f" by {far.gap.shrink - far.gap.margin:.0%} on held-out recordings, not by {far.gap.shrink:.0%}",
+    )
+
+
+def _why_named(
+    selection: Selection, first: NamedEffect, runner_ups: Sequence[NamedEffect], far: HowFar
+) -> list[str]:
+    """What speaks for the effect that is named."""
+    out = [f"{first.name} gains {first.gain:.0f} of log evidence; {selection.threshold:.0f} are needed"]
     if runner_ups:
-        lead = named[0].gain - runner_ups[0].gain
+        lead = first.gain - runner_ups[0].gain
         told = f"{lead:.0f} less"
         if lead < 0:
             told = f"{-lead:.0f} more of the torque; simulated motion or wider tolerances put it behind"
-        reasons.append(f"the next best, {runner_ups[0].name}, explains {told}")
+        out.append(f"the next best, {runner_ups[0].name}, explains {told}")
     if far.gap is not None and far.gap.shrink is not None:
-        reasons.append(f"the gap on held-out recordings shrinks by {far.gap.shrink:.0%}")
-    return Decision("effect", tuple(reasons))
+        out.append(f"the gap on held-out recordings shrinks by {far.gap.shrink:.0%}")
+    return out
 
 
 def hidden_in_noise(named: NamedEffect) -> Decision:

@@ -14,6 +14,7 @@ from samrl_core.diagnosis.effects.drive.torque_saturation import EFFECT as SATUR
 from samrl_core.diagnosis.effects.friction.position_dependent_friction import EFFECT as WAVES
 from samrl_core.diagnosis.effects.load.base_tilt import EFFECT as BASE_TILT
 from samrl_core.diagnosis.effects.sensor.encoder_eccentricity import EFFECT as ECCENTRICITY
+from samrl_core.diagnosis.effects.transmission.gear_ripple import EFFECT as RIPPLE
 from samrl_core.diagnosis.kinds.arms import arm_trials
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.nominal import tolerance_columns
@@ -120,6 +121,13 @@ def test_waves_of_friction_are_searched_over_the_travel_of_a_slide() -> None:
         assert min(abs(np.log(k / (4 * np.pi / 0.3))) for k in orders) < 0.2, form.name
         low, high = form.refine["k"]
         assert low < 2 * np.pi / 0.3 and (form.name == "torque" or high > 8 * np.pi / 0.3)
+    # A torque that repeats three times within the travel is ripple, where no turn tells the teeth's number.
+    (torque,) = [form for form in WAVES.forms(trial, WAVES.places(trial)[0]) if form.name == "torque"]
+    ripples = RIPPLE.forms(trial, RIPPLE.places(trial)[0])
+    assert torque.refine["k"][1] == pytest.approx(6 * np.pi / 0.3, rel=0.01)
+    for form in ripples:
+        assert form.refine["N"][0] < 6 * np.pi / 0.3
+        assert all(shape["N"] > 0.99 * 6 * np.pi / 0.3 for shape in form.shapes)
 
 
 def contender(name: str, motion: float | None, limit: bool = False) -> Contender:

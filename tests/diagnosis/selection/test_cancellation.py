@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 import pytest
 
-from samrl_core.diagnosis.kinds.arms import arm_trials
-from samrl_core.diagnosis.residuals.likelihood import Likelihood, Regressors
-from samrl_core.diagnosis.residuals.trial import Trial
+from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.selection.cancellation import undo_each_other
-from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, Hypothesis, hypothesis
+from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, Hypothesis
 from samrl_core.diagnosis.selection.search import find_extensions, swap_members
 from samrl_core.diagnosis.selection.selection import (
     SelectionSettings,
@@ -21,72 +19,7 @@ from samrl_core.diagnosis.selection.selection import (
     held_out_gains,
     held_out_remainder,
 )
-from tests.diagnosis.controllers.kinds import VELOCITY_DRIVE
-from tests.diagnosis.controllers.machines import Differs, worlds
-
-SIZE = 400.0  # of an effect, in deviations of the noise over all samples
-
-
-def stand_in(family: str, shape: dict[str, float] | None = None, form: str = "") -> Hypothesis:
-    """A family of one amplitude; its hidden shape `s` is searched between 1 and 10."""
-    effect = SimpleNamespace(
-        family=family, parameters=(), renamed_shapes=(), prior_cost=0.0, by_chance=False, at_every_joint=False
-    )
-    made = SimpleNamespace(
-        name=form,
-        place=SimpleNamespace(name="joint:a"),
-        refine={"s": (1.0, 10.0)},
-        may_vanish=(),
-        prior=lambda *_: (np.zeros(1), np.ones(1)),
-        cost=lambda *_: 0.0,
-        is_admissible=lambda *_: True,
-    )
-    nothing = np.zeros(0)
-    empty = Regressors({}, np.zeros((0, 0)))
-    return Hypothesis(
-        cast(Any, effect), cast(Any, made), shape or {}, empty, nothing, nothing, nothing, nothing
-    )
-
-
-class Bench:
-    """A drive's recording, twice, whose residual is a sum of two known columns that are alike to a third."""
-
-    def __init__(self, first: float, second: float) -> None:
-        """Sizes of both, relative to `SIZE`."""
-        (recordings,) = worlds(VELOCITY_DRIVE, [Differs()], 3, 2.0)
-        self.fitted, self.unseen = arm_trials(recordings[:2], [])[0]
-        self.rng = np.random.default_rng(1)
-        one, other = self._white(self.fitted), self._white(self.fitted)
-        self.columns = (one, one + 0.25 * other)
-        self._set_residual(self.fitted, first * self.columns[0] + second * self.columns[1])
-        self.evidence = Evidence(Likelihood([self.fitted]), 2.0)
-        self.first = self.made("first", self.columns[0])
-        self.second = self.made("second", self.columns[1])
-
-    def made(self, family: str, column: np.ndarray, unseen: np.ndarray | None = None) -> Hypothesis:
-        """A family whose column (N,) is this one, and another in the recording that is not fitted."""
-        bare = stand_in(family)
-        there = {id(self.fitted): column, id(self.unseen): column if unseen is None else unseen}
-        bare.form.__dict__["columns"] = lambda trial, shape: {("dynamics", 0): there[id(trial)][None]}
-        made = hypothesis(self.evidence.likelihood, bare.effect, bare.form, {})
-        assert made is not None
-        return made
-
-    def held_out(self, like_first: float, second: float) -> Likelihood:
-        """The other recording: what it holds of the first column, and the size of the second there."""
-        base = self._white(self.unseen)
-        self._set_residual(self.unseen, like_first * base)
-        self.first = self.made("first", self.columns[0], base)
-        self.second = self.made("second", self.columns[1], second * base)
-        return Likelihood([self.unseen])
-
-    def _white(self, trial: Trial) -> np.ndarray:
-        sigma = trial.sigma["dynamics"][:, 0]
-        column = self.rng.normal(size=len(sigma)) * sigma
-        return SIZE * column / np.linalg.norm(column / sigma)
-
-    def _set_residual(self, trial: Trial, residual: np.ndarray) -> None:
-        trial.equations.residual["dynamics"][:, 0] = residual
+from tests.diagnosis.selection.bench import SIZE, Bench, stand_in
 
 
 @pytest.mark.parametrize(
@@ -103,7 +36,7 @@ def test_a_further_effect_that_undoes_the_first_is_none(first: float, second: fl
 
 def test_members_are_not_exchanged_for_one_that_the_other_undoes() -> None:
     bench = Bench(1.0, -1.0)
-    weak = bench.made("weak", 0.3 * bench._white(bench.fitted))
+    weak = bench.made("weak", 0.3 * bench.white(bench.fitted))
     chosen = bench.evidence.fit([weak, bench.second])
     assert bench.evidence.fit([bench.first, bench.second]).log_evidence > chosen.log_evidence
     kept = swap_members(bench.evidence, [weak, bench.first, bench.second], chosen)
@@ -126,12 +59,12 @@ def test_mending_what_the_first_spoiled_is_no_help(second: float, helps: bool) -
 def test_a_further_effect_that_unseen_recordings_do_not_show_is_none(there: float) -> None:
     """Where these hold nothing beyond noise, nothing is left to remove; what they say against it counts."""
     bench = Bench(1.0, 0.0)
-    scale, weak = bench.fitted.sigma["dynamics"][:, 0] ** 2, bench._white(bench.fitted)
+    scale, weak = bench.fitted.sigma["dynamics"][:, 0] ** 2, bench.white(bench.fitted)
     weak -= bench.columns[0] * np.sum(weak * bench.columns[0] / scale) / SIZE**2
-    bench._set_residual(bench.fitted, bench.columns[0] + weak)
+    bench.set_residual(bench.fitted, bench.columns[0] + weak)
     bench.evidence = Evidence(Likelihood([bench.fitted]), 2.0)
-    base, unseen = bench._white(bench.unseen), 0.02 * bench._white(bench.unseen)
-    bench._set_residual(bench.unseen, base + there * unseen)
+    base, unseen = bench.white(bench.unseen), 0.02 * bench.white(bench.unseen)
+    bench.set_residual(bench.unseen, base + there * unseen)
     held_out = Likelihood([bench.unseen])
     first, second = bench.made("first", bench.columns[0], base), bench.made("second", weak, unseen)
     narrow, wide = bench.evidence.fit([first]), bench.evidence.fit([first, second])

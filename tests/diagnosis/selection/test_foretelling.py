@@ -1,0 +1,93 @@
+"""What is named must foretell recordings that were never fitted: against nobody, and against its rivals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, cast
+
+import pytest
+
+from samrl_core.diagnosis.residuals.likelihood import Likelihood
+from samrl_core.diagnosis.result import HeldOutGap
+from samrl_core.diagnosis.selection.foretelling import find_as_foretelling, is_denied_there
+from samrl_core.diagnosis.selection.how_far import HowFar
+from samrl_core.diagnosis.selection.hypothesis import Fit
+from samrl_core.diagnosis.selection.selection import Selection, without_member
+from samrl_core.diagnosis.selection.verdict import VerdictSettings, decide
+from tests.diagnosis.selection.bench import Bench
+
+if TYPE_CHECKING:
+    from samrl_core.diagnosis.result import NamedEffect
+
+K = 2.0  # samples that count as one
+
+
+def chosen_from(fits: list[Fit], rivals: tuple[Fit, ...] = ()) -> Selection:
+    return Selection(
+        fits[0], tuple(fits), rivals or tuple(fits[1:]), 12.0, 100.0, 1.0, 100.0, 1.0, K,
+        held_out_gain=50.0, held_out_expected=50.0,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("extra_there", "as_well"), [(0.03, False), (-0.02, True)], ids=["shown", "not shown"]
+)
+def test_what_one_explains_beyond_another_must_be_foretold(extra_there: float, as_well: bool) -> None:
+    """Both explain the fitted recording; the chosen one has an extra that the unseen one may show."""
+    bench = Bench(0.0, 0.0)
+    base, extra = bench.white(bench.fitted), 0.03 * bench.white(bench.fitted)
+    bench.set_residual(bench.fitted, base + extra)
+    bench.evidence.likelihood = Likelihood([bench.fitted])
+    there, extra_unseen = bench.white(bench.unseen), 0.03 * bench.white(bench.unseen)
+    bench.set_residual(bench.unseen, there + extra_there / 0.03 * extra_unseen)
+    held_out = Likelihood([bench.unseen])
+    finer = bench.evidence.fit([bench.made("finer", base + extra, there + extra_unseen)])
+    plain = bench.evidence.fit([bench.made("plain", base, there)])
+    assert finer.log_evidence > plain.log_evidence + 12.0
+    found = find_as_foretelling(bench.evidence, held_out, chosen_from([finer, plain]))
+    assert found == ([plain] if as_well else [])
+
+
+def test_a_rival_that_foretells_nothing_is_denied() -> None:
+    bench = Bench(1.0, 0.0)
+    held_out = bench.held_out(1.0, 1.0)
+    right = bench.evidence.fit([bench.first])
+    wrong = bench.evidence.fit([bench.made("wrong", bench.columns[0], -bench.white(bench.unseen))])
+    assert not is_denied_there(held_out, right, K)
+    assert is_denied_there(held_out, wrong, K)
+
+
+def test_a_set_that_loses_its_further_member_has_all_single_effects_as_rivals() -> None:
+    """A gain was no rival beside a wrong inertia, and stayed none when the inertia was gone."""
+    bench = Bench(1.0, 0.4)
+    held_out = bench.held_out(1.0, 0.4)
+    pair = bench.evidence.fit([bench.first, bench.second])
+    third = bench.evidence.fit([bench.made("third", bench.columns[0] + bench.columns[1])])
+    singles = [bench.evidence.fit([bench.first]), third]
+    whole = replace(chosen_from([pair]), singles=tuple(singles), rivals=())
+    fewer = without_member(bench.evidence.likelihood, held_out, whole, (1,))
+    assert fewer.chosen is not None and len(fewer.chosen.hypotheses) == 1
+    assert [f.hypotheses[0].effect.family for f in fewer.rivals] == ["third"]
+
+
+@pytest.mark.parametrize(
+    ("shrink", "interval", "verdict"),
+    [
+        (-0.07, (-0.14, -0.005), "none_of_mine"),  # little, but for sure
+        (-0.03, (-0.09, 0.03), "effect"),  # perhaps by chance
+        (0.3, (0.2, 0.4), "effect"),
+    ],
+)
+def test_what_makes_the_held_out_gap_grow_for_sure_is_not_named(
+    shrink: float, interval: tuple[float, float], verdict: str
+) -> None:
+    """Gains 64 and 32 % off with a rotor inertia won 43 nat for a drive 9 % too strong."""
+    effect = SimpleNamespace(limits_motion=False, by_chance=False)
+    one = cast("Fit", SimpleNamespace(hypotheses=(SimpleNamespace(effect=effect),), log_evidence=43.0))
+    first = cast("NamedEffect", SimpleNamespace(name="a@joint:x", probability=1.0, gain=43.0))
+    gap = HeldOutGap("", "1", 0.49, 0.49 * (1.0 - shrink), None, None, shrink, interval, None, (), ())
+    selection = replace(chosen_from([one]), rivals=())
+    outcome = decide(selection, [first], [], [], HowFar(gap, ()), VerdictSettings())
+    assert outcome.verdict == verdict
+    assert outcome.contradicted is (verdict == "none_of_mine")

@@ -84,7 +84,8 @@ def test_a_run_outlasts_a_stop_and_a_death(cell: Cell) -> None:
     assert cell.process.wait(PATIENCE_S) == 0, cell.text
     summary = json.loads((cell.out / "summary.json").read_text())
     assert [e["reason"] for e in summary["episodes"]] == ["action_limit"] * 2 and summary["given_up"] == 0
-    told = [one["what"] for one in summary["incidents"]]
+    # A stop in motion gives the motion up, too; between two motions there is none.
+    told = [one["what"] for one in summary["incidents"] if one["what"] != "motion"]
     assert told[:3] == ["estop", "restart", "reset"] and told.count("back") == 2, told
     phases = [message.data for _, message in open_bag(cell.out / "bag").decoded([cell_topic("phase")])]
     assert phases[phases.index("stopped") + 1] == "update" and phases.count("stopped") == 1

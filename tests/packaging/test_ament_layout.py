@@ -74,7 +74,10 @@ def test_this_environment_is_an_ament_prefix_with_the_cell() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("editable", [False, True])
-def test_a_fresh_environment_runs_the_cell_by_its_launcher(tmp_path: Path, editable: bool) -> None:
+def test_a_fresh_environment_runs_the_cell_by_its_launcher(
+    tmp_path: Path, editable: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("PYTHONPATH", raising=False)  # what is installed is meant
     prefix = tmp_path / "venv"
     venv.create(prefix, with_pip=True)
     python = str(prefix / "bin" / "python")

@@ -22,13 +22,7 @@ from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.motion import FAST_HZ
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.signal_noise import regular, tells_accelerations, without_differences
-from samrl_core.diagnosis.residuals.trial import (
-    Trial,
-    as_arms,
-    fastest_motion,
-    strongest_effort,
-    widest_travel,
-)
+from samrl_core.diagnosis.residuals.trial import Trial, as_arms
 from samrl_core.diagnosis.result import Curve, Diagnosis, NextExperiment
 from samrl_core.diagnosis.selection.description import Misdescription, misdescription
 from samrl_core.diagnosis.selection.how_far import HowFar
@@ -153,10 +147,8 @@ def arm_trials(
         out.append(Trial(recording, rigid, start))
         start += recording.duration
     fitted = out[: len(fit)]
-    # Ranges of searches: what only one recording reaches is there to be found.
-    fastest, strongest, travel = fastest_motion(fitted), strongest_effort(fitted), widest_travel(fitted)
     for trial in out:
-        trial.fastest, trial.strongest, trial.travel = fastest, strongest, travel
+        trial.share_ranges(fitted)
     common = set.intersection(*(set(t.channels) for t in fitted))
     if not common and any(t.channels for t in fitted):
         each = "; ".join(f"{t.name}: {', '.join(t.channels) or 'none'}" for t in fitted)

@@ -20,7 +20,6 @@ from samrl_core.diagnosis.residuals.equations import (
     Columns,
     integrated_terms,
     integrates,
-    scale_speeds,
 )
 from samrl_core.diagnosis.residuals.signal_noise import white_noise
 from samrl_core.diagnosis.residuals.trial import Trial, add
@@ -62,8 +61,7 @@ def _tolerances(trial: Trial, widened: float) -> list[tuple[Columns, float, floa
     assert rigid is not None
     offset = _per_joint(tolerances.torque_offset, trial) * trial.scale
     coulomb = _per_joint(tolerances.coulomb_friction, trial) * trial.scale
-    speed = scale_speeds(rigid, motion)
-    viscous = _per_joint(tolerances.viscous_friction, trial) * trial.scale / speed
+    viscous = _per_joint(tolerances.viscous_friction, trial) * trial.scale / trial.speed_scale
     stated = joint_dynamics(trial.recording.arm)
     for j in joints:
         out.append((trial.drive(j, ones), offset[j], None))

@@ -18,13 +18,13 @@ from samrl_core.diagnosis.residuals.equations import (
     armature,
     form_equations,
     nominal_friction,
-    scale_limits,
     settled,
 )
 from samrl_core.diagnosis.residuals.motion import RecordedMotion
 from samrl_core.diagnosis.residuals.noise_color import NoiseColor
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.phases import phases_of_motion
+from samrl_core.diagnosis.residuals.ranges import find_ranges
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 from samrl_core.diagnosis.simulation.sprung_link import sprung_link
 
@@ -43,17 +43,24 @@ class Trial(Observed):
         self.recording, self.rigid = recording, rigid
         self.motion = RecordedMotion(recording, rigid, start_s)
         self.equations: Equations = form_equations(self.motion)
-        self.scale = scale_limits(recording.arm, rigid, self.motion)
         self.channels = self.equations.channels
         self.joints = self.motion.joints
-        self.fastest = fastest_motion([self])
-        self.strongest = strongest_effort([self])
-        self.travel = widest_travel([self])
+        self.share_ranges([self])
         self.cached: dict[tuple[str, str], Any] = {}
         self._phases: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.motion)
+
+    def share_ranges(self, fitted: Sequence[Trial]) -> None:
+        """Take what is typical of the arm from all fitted recordings: a slow one alone knows no range.
+
+        A tolerance or a prior that is a share of an effort or a speed is the same in every recording,
+        whichever of them comes first; so are the ranges that are searched.
+        """
+        ranges = find_ranges([trial.motion for trial in fitted])
+        self.scale, self.speed_scale = ranges.effort, ranges.speed
+        self.fastest, self.strongest, self.travel = ranges.fastest, ranges.strongest, ranges.travel
 
     # -- what any recording tells ----------------------------------------------------------------------
 
@@ -376,22 +383,3 @@ def add(*parts: Columns) -> Columns:
         for key, value in part.items():
             out[key] = out[key] + value if key in out else value
     return out
-
-
-def widest_travel(trials: Sequence[Trial]) -> np.ndarray:
-    """Range (J,) [rad or m] over which each joint was seen in all recordings together."""
-    highest = np.max([np.max(t.motion.q, axis=0) for t in trials], axis=0)
-    return highest - np.min([np.min(t.motion.q, axis=0) for t in trials], axis=0)
-
-
-def strongest_effort(trials: Sequence[Trial]) -> np.ndarray:
-    """Largest commanded effort (J,) [N m] in any recording; 1 where none is known."""
-    return np.max(
-        [np.ones(t.joints) if t.motion.u is None else np.max(np.abs(t.motion.u), axis=0) for t in trials],
-        axis=0,
-    )
-
-
-def fastest_motion(trials: Sequence[Trial]) -> np.ndarray:
-    """Speed (J,) [rad/s] that a hundredth of the samples exceed, in the recording where it is highest."""
-    return np.max([np.quantile(np.abs(t.motion.sure_velocity), 0.99, axis=0) for t in trials], axis=0)

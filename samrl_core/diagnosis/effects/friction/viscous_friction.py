@@ -8,7 +8,6 @@ from samrl_core.cell.robots.joint_dynamics import joint_dynamics
 from samrl_core.diagnosis.effects.drive_torque import BEYOND, DriveEffect, ShaftForm, are_possible, name_sizes
 from samrl_core.diagnosis.effects.effect import Parameter
 from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
-from samrl_core.diagnosis.residuals.equations import scale_speeds
 from samrl_core.diagnosis.residuals.trial import Trial
 
 
@@ -59,9 +58,7 @@ class ProportionalToSpeed(ShaftForm):
 
 def _beyond_tolerance(trial: Trial, joint: int) -> float:
     tolerance = np.broadcast_to(trial.recording.arm.tolerances.viscous_friction, (trial.joints,))[joint]
-    assert trial.rigid is not None
-    speed = float(scale_speeds(trial.rigid, trial.motion)[joint])
-    return BEYOND * float(tolerance) * trial.scale[joint] / speed
+    return BEYOND * float(tolerance) * trial.scale[joint] / float(trial.speed_scale[joint])
 
 
 EFFECT = ViscousFriction()

@@ -150,7 +150,7 @@ class NextExperiment:
 
     file: str  # next.yaml, relative to the report
     why: str
-    separates: float  # probability that the best pair is told apart by it
+    separates: float  # probability that the closest pair is told apart by it
     programme: dict  # its content
 
 

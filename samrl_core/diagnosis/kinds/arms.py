@@ -103,7 +103,7 @@ class Arms(Kind[ArmRecording]):
     def next_experiment(
         self, likelihood: Likelihood, fits: Sequence[Fit], names: Sequence[str], seed: int
     ) -> tuple[NextExperiment | None, str]:
-        return next_experiment(likelihood, fits, names, seed), ""
+        return next_experiment(likelihood, fits, names, seed)
 
     def misdescription(self, trials: Sequence[Observed]) -> Misdescription | None:
         return misdescription(as_arms(trials))

@@ -9,12 +9,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from samrl_core.cell.types.body_recording import BodyRecording, BodyTrack
-from samrl_core.diagnosis.findings.next_experiment import FILE, NAT_PER_CERTAINTY, discrimination
+from samrl_core.diagnosis.findings.discrimination import FILE, discrimination, find_rivals, separation
 from samrl_core.diagnosis.residuals.bodies.body_trial import BodyTrial, body_trials, channels_of
 from samrl_core.diagnosis.residuals.bodies.find_segments import find_segments
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.result import NextExperiment
-from samrl_core.diagnosis.selection.hypothesis import Fit, Hypothesis
+from samrl_core.diagnosis.selection.hypothesis import Fit
 from samrl_core.diagnosis.selection.twins import AS_MUCH
 
 WAYS = 4  # directions of slides and tosses
@@ -38,10 +38,7 @@ def next_bodies(
     """The motion in which the closest pair differs most; where none splits them, why."""
     trial = likelihood.trials[0]
     assert isinstance(trial, BodyTrial)
-    rivals: dict[str, tuple[Hypothesis, np.ndarray]] = {}
-    for fit in fits:
-        if fit.hypotheses[0].name in names:
-            rivals.setdefault(fit.hypotheses[0].name, (fit.hypotheses[0], fit.amplitudes[0]))
+    rivals = find_rivals(fits, names)
     pair = " and ".join(names)
     scored = []
     for kind, recordings in _candidates(trial, seed).items():
@@ -49,19 +46,19 @@ def next_bodies(
         channels = channels_of(recordings, found)
         if channels:
             (made,) = body_trials([recordings], [found], trial.constants, channels, 1)
-            scored.append((discrimination(made, list(rivals.values())), kind))
+            scored.append((discrimination(made, rivals), kind))
     best, kind = max(scored, default=(0.0, ""))
     if best < AS_MUCH:
         tried = "; ".join(MOTIONS[k] for _, k in scored)
         scales = {name.partition("@")[0] for name in names} <= SCALES
         remedy = OUTSIDE if scales else OTHERWISE
         return None, f"no recording of this tracker splits {pair} (tried: {tried}); {remedy}"
-    enough = {name for score, name in scored if 1.0 - np.exp(-score / NAT_PER_CERTAINTY) > SURE}
+    enough = {name for score, name in scored if separation(score) > SURE}
     if gentle := [name for name in MOTIONS if name in enough]:
         best, kind = next(each for each in scored if each[1] == gentle[0])
     why = f"{pair} would differ by {best:.0f} of log evidence in {MOTIONS[kind]}"
     content = {"schema": 1, "kind": "bodies", "motion": kind, "record": MOTIONS[kind], "why": why}
-    return NextExperiment(FILE, why, float(1.0 - np.exp(-best / NAT_PER_CERTAINTY)), content), ""
+    return NextExperiment(FILE, why, separation(best), content), ""
 
 
 def _candidates(trial: BodyTrial, seed: int) -> dict[str, list[BodyRecording]]:

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from samrl_core.diagnosis.findings.discrimination import find_rivals
 from samrl_core.diagnosis.residuals.images.image_trial import ImageTrial
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.result import NextExperiment
-from samrl_core.diagnosis.selection.hypothesis import Fit, Hypothesis
+from samrl_core.diagnosis.selection.hypothesis import Fit
 from samrl_core.diagnosis.selection.twins import principal_angle
 
 
@@ -17,10 +18,7 @@ def next_images(
     likelihood: Likelihood, fits: Sequence[Fit], names: Sequence[str]
 ) -> tuple[NextExperiment | None, str]:
     """No file: a sentence with the smallest angle between the effects, and the views that show each."""
-    rivals: dict[str, Hypothesis] = {}
-    for fit in fits:
-        if fit.hypotheses[0].name in names:
-            rivals.setdefault(fit.hypotheses[0].name, fit.hypotheses[0])
+    rivals = {name: h for name, (h, _) in find_rivals(fits, names).items()}
     made = list(rivals.values())
     pairs = [(a, b) for i, a in enumerate(made) for b in made[i + 1 :]]
     if not pairs:

@@ -14,12 +14,18 @@ from scipy.spatial.transform import Rotation
 
 from samrl_core.cell.types.pose import look_at
 from samrl_core.cell.types.pose_recording import ArmPoses, PoseRecording, PoseTrack
-from samrl_core.diagnosis.findings.next_experiment import FILE, NAT_PER_CERTAINTY, discrimination
+from samrl_core.diagnosis.findings.discrimination import (
+    FILE,
+    Rivals,
+    discrimination,
+    find_rivals,
+    separation,
+)
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.poses import rigid
 from samrl_core.diagnosis.residuals.poses.pose_trial import PoseTrial
 from samrl_core.diagnosis.result import NextExperiment
-from samrl_core.diagnosis.selection.hypothesis import Fit, Hypothesis, hypothesis
+from samrl_core.diagnosis.selection.hypothesis import Fit, hypothesis
 from samrl_core.diagnosis.selection.twins import AS_MUCH, principal_angle
 
 VIEWS = 12
@@ -44,20 +50,17 @@ def next_views(
     """The motion in which the closest pair differs most; where none splits them, why."""
     trial = likelihood.trials[0]
     assert isinstance(trial, PoseTrial)
-    rivals: dict[str, tuple[Hypothesis, np.ndarray]] = {}
-    for fit in fits:
-        if fit.hypotheses[0].name in names:
-            rivals.setdefault(fit.hypotheses[0].name, (fit.hypotheses[0], fit.amplitudes[0]))
+    rivals = find_rivals(fits, names)
     pair = " and ".join(names)
     if any(h.place.startswith(("joint:", "link:")) for h, _ in rivals.values()):
         return None, f"{pair}: poses that move each joint by itself may split them; none was simulated"
     scored = []
     for kind, recording in _candidates(trial, seed).items():
         made = PoseTrial(recording, trial.constants, trial.noise)
-        scored.append((discrimination(made, list(rivals.values())), kind, made))
+        scored.append((discrimination(made, rivals), kind, made))
     best, kind, made = max(scored, key=lambda s: s[0])
     if best < AS_MUCH:
-        angle = max(_least_angle(s[2], list(rivals.values())) for s in scored)
+        angle = max(_least_angle(s[2], rivals) for s in scored)
         tried = "; ".join(MOTIONS[k] for _, k, _ in scored)
         return None, (
             f"no recording of these devices splits {pair}: their columns stay {np.degrees(angle):.1f} degrees"
@@ -65,13 +68,13 @@ def next_views(
         )
     why = f"{pair} would differ by {best:.0f} of log evidence in {MOTIONS[kind]}"
     content = {"schema": 1, "kind": "poses", "motion": kind, "why": why, **_plan(made.recording)}
-    return NextExperiment(FILE, why, float(1.0 - np.exp(-best / NAT_PER_CERTAINTY)), content), ""
+    return NextExperiment(FILE, why, separation(best), content), ""
 
 
-def _least_angle(trial: PoseTrial, rivals: Sequence[tuple[Hypothesis, np.ndarray]]) -> float:
+def _least_angle(trial: PoseTrial, rivals: Rivals) -> float:
     """Smallest angle [rad] between any two of the effects in a recording; 0 where one is not seen."""
     likelihood = Likelihood([trial])
-    made = [hypothesis(likelihood, h.effect, h.form, h.shape) for h, _ in rivals]
+    made = [hypothesis(likelihood, h.effect, h.form, h.shape) for h, _ in rivals.values()]
     there = [h for h in made if h is not None]
     if len(there) < len(made) or len(there) < 2:
         return 0.0

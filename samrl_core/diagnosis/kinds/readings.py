@@ -12,7 +12,7 @@ from samrl_core.cell.types.reading_recording import ReadingRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.effects import READING_EFFECTS
 from samrl_core.diagnosis.export.recalibration import Recalibration
-from samrl_core.diagnosis.findings.next_experiment import FILE, NAT_PER_CERTAINTY, discrimination
+from samrl_core.diagnosis.findings.discrimination import FILE, discrimination, find_rivals, separation
 from samrl_core.diagnosis.kinds.kind import Kind
 from samrl_core.diagnosis.kinds.reading_corrections import reading_recalibration
 from samrl_core.diagnosis.recordings.held_out import SHARE
@@ -21,7 +21,7 @@ from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.readings.reading_trial import SLOW, ReadingTrial, plateaus_of
 from samrl_core.diagnosis.result import NextExperiment
 from samrl_core.diagnosis.selection.how_far import HowFar
-from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, Hypothesis
+from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
 from samrl_core.diagnosis.selection.twins import AS_MUCH
 
 LEAST = 40  # readings of a recording that is cut
@@ -108,10 +108,7 @@ class Readings(Kind[ReadingRecording]):
     ) -> tuple[NextExperiment | None, str]:
         trial = likelihood.trials[0]
         assert isinstance(trial, ReadingTrial)
-        recording, rivals = trial.recording, dict[str, tuple[Hypothesis, np.ndarray]]()
-        for fit in fits:
-            if fit.hypotheses[0].name in names:
-                rivals.setdefault(fit.hypotheses[0].name, (fit.hypotheses[0], fit.amplitudes[0]))
+        recording, rivals = trial.recording, find_rivals(fits, names)
         time = np.arange(NEXT_READINGS) / 30.0
         if recording.quantity == "depth":
             reference = np.repeat(NEXT_DEPTHS_M, NEXT_READINGS // len(NEXT_DEPTHS_M))
@@ -122,7 +119,7 @@ class Readings(Kind[ReadingRecording]):
             motion = f"{NEXT_HOURS:g} hours of stamps"
         planned = replace(recording, name="next", time=time, reading=reference, reference=reference)
         made = ReadingTrial(planned, float(recording.reference[0]), trial)
-        best, pair = discrimination(made, list(rivals.values())), " and ".join(names)
+        best, pair = discrimination(made, rivals), " and ".join(names)
         if best < AS_MUCH:
             return None, (
                 f"no recording of these readings splits {pair}: in {motion} they would differ by {best:.1f}"
@@ -136,7 +133,7 @@ class Readings(Kind[ReadingRecording]):
             "why": why,
             "record": motion,
         }
-        return NextExperiment(FILE, why, float(1.0 - np.exp(-best / NAT_PER_CERTAINTY)), content), ""
+        return NextExperiment(FILE, why, separation(best), content), ""
 
 
 def _steps(trials: Sequence[ReadingTrial]) -> list[str]:

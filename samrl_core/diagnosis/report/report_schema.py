@@ -98,7 +98,7 @@ class NextExperimentEntry(_Part):
 
     file: str = Field(description="relative to the report; `samrl excite` plays it")
     why: str
-    separates: Fraction | None = Field(description="probability that the best pair is told apart by it")
+    separates: Fraction | None = Field(description="probability that the closest pair is told apart by it")
 
 
 class HeldOutEntry(_Part):

@@ -130,15 +130,20 @@ def diagnose(
     selection = select(likelihood, held, effects, rules_of_kind, progress)
     done("which")
     if settings.share_held_out and rules.only_held_out(selection, settings.verdict):
-        halves = [kind.halves(r) for r in held_out]
-        remark = (
-            "only the held-out recordings show a gap: their first halves were fitted too,"
-            " their second halves stay held out"
-        )
-        return diagnose(
-            [*fit, *(first for first, _ in halves)], [last for _, last in halves],
-            replace(settings, share_held_out=False), [*notes, remark], progress,
-        )  # fmt: skip
+        try:
+            halves = [kind.halves(r) for r in held_out]
+        except InputError as error:  # of recordings that nobody asked to be halved
+            remark = f"only the held-out recordings show a gap, and they cannot be halved: {error}"
+            empty = replace(empty, notes=(*empty.notes, remark))
+        else:
+            remark = (
+                "only the held-out recordings show a gap: their first halves were fitted too,"
+                " their second halves stay held out"
+            )
+            return diagnose(
+                [*fit, *(first for first, _ in halves)], [last for _, last in halves],
+                replace(settings, share_held_out=False), [*notes, remark], progress,
+            )  # fmt: skip
     return _conclude(kind, empty, selection, likelihood, held, effects, settings, timings, progress, done)
 
 

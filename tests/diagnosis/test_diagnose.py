@@ -12,6 +12,7 @@ from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
 from samrl_core.diagnosis.result import Diagnosis, ParameterEstimate
+from samrl_core.diagnosis.selection import verdict as rules
 from tests.diagnosis import worlds
 from tests.diagnosis.cases import PAYLOAD
 from tests.diagnosis.worlds import BEND, LIFT, TURN
@@ -63,6 +64,18 @@ def test_a_gap_that_only_held_out_recordings_show_is_fitted_on_their_first_half(
     kept, _ = diagnose([c], [b], replace(settings, share_held_out=False))
     assert kept.verdict == "none_of_mine" and "held-out recordings hold" in kept.reasons[0]
     assert [i.role for i in kept.inputs] == ["fit", "held_out"]
+
+
+def test_held_out_recordings_that_are_too_short_to_be_halved_end_no_diagnosis(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(rules, "only_held_out", lambda *_: True)
+    (a,), (b,) = (worlds.record(worlds.plant(), name, None, 1.8) for name in "AB")
+    settings = DiagnosisSettings(library={"viscous_friction"}, simulate=False)
+    diagnosis, _ = diagnose([a], [b], settings)
+    assert diagnosis.verdict == "none_of_mine"
+    assert [i.role for i in diagnosis.inputs] == ["fit", "held_out"]
+    assert any("cannot be halved: a gap of 0.5 s" in note for note in diagnosis.notes)
 
 
 def test_what_nothing_known_can_be_is_not_named() -> None:

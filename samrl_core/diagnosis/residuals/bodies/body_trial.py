@@ -295,14 +295,16 @@ def body_trials(
     channels: tuple[str, ...],
     fitted: int,
 ) -> list[BodyTrial]:
-    """One trial for each bundle of recordings, the first `fitted` to fit; noise is estimated together."""
+    """One trial for each bundle of recordings, the first `fitted` to fit; these tell the noise together."""
     turns, errors = TURNS[0] in channels, np.zeros(2)
     if turns:
         flights = [s for group in found[:fitted] for f in group for s in f.segments if not s.slides]
         errors = inertia_errors(flights, bundles[0][0].body.gyration)
     made = [motions_of(b, f, constants, turns, errors) for b, f in zip(bundles, found, strict=True)]
     levels = zip(
-        noise_levels([m.path_rests for m in made]), noise_levels([m.turn_rests for m in made]), strict=True
+        noise_levels([m.path_rests for m in made], fitted),
+        noise_levels([m.turn_rests for m in made], fitted),
+        strict=True,
     )
     ways = [np.mean(s.velocity, axis=0) * len(s) for m in made[:fitted] for s in m.segments]
     shared = np.array(ways).reshape(-1, 3)

@@ -92,12 +92,14 @@ def _rests(times: Sequence[np.ndarray], values: Sequence[np.ndarray]) -> tuple[n
     return tuple(out)
 
 
-def noise_levels(trials: Sequence[Sequence[np.ndarray]]) -> list[np.ndarray]:
-    """Standard deviation (3,) of each trial's rests: that of all together, unless its own clearly differs.
+def noise_levels(trials: Sequence[Sequence[np.ndarray]], fitted: int) -> list[np.ndarray]:
+    """Standard deviation (3,) of each trial's rests: that of all fitted ones, unless its own clearly differs.
 
-    Short motions tell their noise badly, and a tracker is the same in all of them.
+    Short motions tell their noise badly, and a tracker is the same in all of them. The first `fitted` trials
+    are fitted: what is held out says nothing about their noise.
     """
-    every = [rest for rests in trials for rest in rests]
+    every = [rest for rests in trials[:fitted] for rest in rests]
+    every = every or [rest for rests in trials for rest in rests]  # turns that only held-out flights have
     if not every:
         return [np.full(3, LEAST) for _ in trials]
     common = _level(np.concatenate(every))

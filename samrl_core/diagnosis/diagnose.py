@@ -13,7 +13,7 @@ import numpy as np
 from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.effects import FAMILIES, Effect
-from samrl_core.diagnosis.findings.onset import find_onsets
+from samrl_core.diagnosis.findings.onset import began_in, find_onsets
 from samrl_core.diagnosis.findings.signature import couplings, signatures
 from samrl_core.diagnosis.findings.tracking import track
 from samrl_core.diagnosis.findings.where import heatmap, tile_gaps, timelines
@@ -90,81 +90,108 @@ def diagnose(
     settings = settings or DiagnosisSettings()
     if not fit:
         raise InputError("no recording to fit; give at least one that is not held out")
-    kind = kind_of([*fit, *held_out])
-    alike, dropped = kind.alike([*fit, *held_out])
-    fit, held_out, left_out = kind.usable(alike[: len(fit)], alike[len(fit) :])
-    notes = [*notes, *dropped, *left_out]
-    effects = library(settings.library, kind)
-    clock, timings = time.monotonic(), {}
-
-    def done(stage: str) -> None:
-        nonlocal clock
-        now = time.monotonic()
-        timings[stage], clock = now - clock, now
-
+    watch = _Stopwatch()
     progress("residuals")
-    trials, held_trials = kind.trials(fit, held_out)
-    notes = [*notes, *kind.notes(trials)]
-    first = trials[0]
-    untestable = {e.family: reason for e in effects if (reason := e.why_unobservable(first))}
-    untestable |= kind.elsewhere
-    inputs = tuple(
-        InputFile(r.source, r.sha256, role, r.duration)
-        for role, group in (("fit", fit), ("held_out", held_out))
-        for r in group
-    )
-    empty = Diagnosis(
-        "not_testable", (kind.why_nothing(trials),), (), (), (), (), None,
-        None, 0.0, untestable, inputs, settings.seed, _version(), kind.system(first),
-        notes=tuple(notes),
-    )  # fmt: skip
-    if not first.channels:
-        return empty, HowFar(None, ())
+    case = _prepare(fit, held_out, settings, notes, progress)
+    if not case.trials[0].channels:
+        return case.unjudged(), HowFar(None, ())
     allowed = {"joint_order", "unit_error"} & set(settings.library or ("joint_order", "unit_error"))
-    wrong = kind.misdescription(trials) if settings.doubt_description else None
+    wrong = case.kind.misdescription(case.trials) if settings.doubt_description else None
     if wrong is not None and wrong.family in allowed:
-        return _as_described(wrong, empty, trials, held_trials, fit, held_out, settings, notes, progress)
-    likelihood, held = Likelihood(trials), Likelihood(held_trials)
-    done("residuals")
-    rules_of_kind = replace(settings.selection, chance=settings.selection.chance or kind.chance)
-    selection = select(likelihood, held, effects, rules_of_kind, progress)
-    done("which")
+        return _as_described(case, wrong)
+    likelihood, held = Likelihood(case.trials), Likelihood(case.held_trials)
+    watch.done("residuals")
+    rules_of_kind = replace(settings.selection, chance=settings.selection.chance or case.kind.chance)
+    selection = select(likelihood, held, case.effects, rules_of_kind, progress)
+    watch.done("which")
     if settings.share_held_out and rules.only_held_out(selection, settings.verdict):
         try:
-            halves = [kind.halves(r) for r in held_out]
+            halves = [case.kind.halves(r) for r in case.held_out]
         except InputError as error:  # of recordings that nobody asked to be halved
             remark = f"only the held-out recordings show a gap, and they cannot be halved: {error}"
-            empty = replace(empty, notes=(*empty.notes, remark))
+            case = replace(case, notes=(*case.notes, remark))
         else:
             remark = (
                 "only the held-out recordings show a gap: their first halves were fitted too,"
                 " their second halves stay held out"
             )
             return diagnose(
-                [*fit, *(first for first, _ in halves)], [last for _, last in halves],
-                replace(settings, share_held_out=False), [*notes, remark], progress,
+                [*case.fit, *(first for first, _ in halves)], [last for _, last in halves],
+                replace(settings, share_held_out=False), [*case.notes, remark], progress,
             )  # fmt: skip
-    return _conclude(kind, empty, selection, likelihood, held, effects, settings, timings, progress, done)
+    return _conclude(case, selection, likelihood, held, watch)
 
 
-def _as_described(
-    wrong: Misdescription,
-    empty: Diagnosis,
-    trials: Sequence[Observed],
-    held_trials: Sequence[Observed],
-    fit: Sequence[Any],
-    held_out: Sequence[Any],
+class _Stopwatch:
+    """Time [s] that each stage took."""
+
+    def __init__(self) -> None:
+        self.timings: dict[str, float] = {}
+        self._clock = time.monotonic()
+
+    def done(self, stage: str) -> None:
+        """The stage ends, the next begins."""
+        now = time.monotonic()
+        self.timings[stage], self._clock = now - self._clock, now
+
+
+@dataclass(frozen=True, eq=False)
+class _Case:
+    """Recordings of one system, and what may be said of it."""
+
+    kind: Kind[Any]
+    fit: Sequence[Recording]
+    held_out: Sequence[Recording]
+    trials: Sequence[Observed]  # of `fit`
+    held_trials: Sequence[Observed]
+    effects: tuple[Effect[Any], ...]  # that may be named
+    settings: DiagnosisSettings
+    notes: tuple[str, ...]  # about the input
+    found: tuple[str, ...]  # what only residuals show of it
+    progress: Progress
+
+    def unjudged(self) -> Diagnosis:
+        """What the report says of any recordings, without a verdict on these."""
+        first = self.trials[0]
+        untestable = {e.family: reason for e in self.effects if (reason := e.why_unobservable(first))}
+        inputs = tuple(
+            InputFile(r.source, r.sha256, role, r.duration)
+            for role, group in (("fit", self.fit), ("held_out", self.held_out))
+            for r in group
+        )
+        return Diagnosis(
+            "not_testable", (self.kind.why_nothing(self.trials),), (), (), (), (), None, None, 0.0,
+            untestable | self.kind.elsewhere, inputs, self.settings.seed, _version(),
+            self.kind.system(first), notes=(*self.notes, *self.found),
+        )  # fmt: skip
+
+
+def _prepare(
+    fit: Sequence[Recording],
+    held_out: Sequence[Recording],
     settings: DiagnosisSettings,
     notes: Sequence[str],
     progress: Progress,
-) -> tuple[Diagnosis, HowFar]:
+) -> _Case:
+    """The recordings as trials, reduced to what all of them carry."""
+    kind = kind_of([*fit, *held_out])
+    alike, dropped = kind.alike([*fit, *held_out])
+    fit, held_out, left_out = kind.usable(alike[: len(fit)], alike[len(fit) :])
+    effects = library(settings.library, kind)
+    trials, held_trials = kind.trials(fit, held_out)
+    told, found = (*notes, *dropped, *left_out), tuple(kind.notes(trials))
+    return _Case(kind, fit, held_out, trials, held_trials, effects, settings, told, found, progress)
+
+
+def _as_described(case: _Case, wrong: Misdescription) -> tuple[Diagnosis, HowFar]:
     """The diagnosis of recordings with a wrong description: the error, and what is left once it is mended."""
     remark = f"this log fits if {wrong.says}; all that follows is of the log so corrected"
+    both = (as_arms(case.trials), as_arms(case.held_trials))
+    corrected = [[wrong.corrected(trial.recording) for trial in trials] for trials in both]
     rest, far = diagnose(
-        [wrong.corrected(r) for r in fit], [wrong.corrected(r) for r in held_out],
-        replace(settings, doubt_description=False), [*notes, remark], progress,
-    )  # fmt: skip
-    arm = as_arms(trials)[0].recording.arm
+        *corrected, replace(case.settings, doubt_description=False), [*case.notes, remark], case.progress
+    )
+    arm = both[0][0].recording.arm
     first = wrong.named(arm.role, arm.joints)
     reasons = (
         f"this log fits if {wrong.says}: {wrong.before:.0%} of the torque's variance contradict the"
@@ -181,57 +208,42 @@ def _as_described(
         verdict="effect",
         reasons=(*reasons, *left.get(rest.verdict, ()), *rest.reasons),
         effects=(first, *(replace(e, role="secondary") for e in others)),
-        gap=wrong.gap(as_arms(held_trials)),
+        gap=wrong.gap(both[1]),
         unexplained_fraction=wrong.after / max(wrong.before, 1e-9),
         nearest=None,
         ambiguity_set=(),
-        inputs=empty.inputs,
+        inputs=case.unjudged().inputs,
     )
     return diagnosis, far
 
 
 def _conclude(
-    kind: Kind[Any],
-    empty: Diagnosis,
-    selection: Selection,
-    likelihood: Likelihood,
-    held: Likelihood,
-    effects: Sequence[Effect[Any]],
-    settings: DiagnosisSettings,
-    timings: dict[str, float],
-    progress: Progress,
-    done: Callable[[str], None],
+    case: _Case, selection: Selection, likelihood: Likelihood, held: Likelihood, watch: _Stopwatch
 ) -> tuple[Diagnosis, HowFar]:
     """Everything that follows from the selection."""
-    evidence = Evidence(likelihood, selection.correlation_time)
-    k = selection.correlation_time
-    z = likelihood.whitened()
+    kind, settings, k = case.kind, case.settings, selection.correlation_time
+    evidence, z = Evidence(likelihood, k), likelihood.whitened()
     judged = judge_sets(
-        likelihood, held, selection, settings.verdict, settings.simulate, settings.seed, progress,
+        likelihood, held, selection, settings.verdict, settings.simulate, settings.seed, case.progress,
         kind.doubts,
     )  # fmt: skip
-    done("how sure and how far")
+    watch.done("how sure and how far")
     selection, outcome, far = judged.selection, judged.outcome, judged.far
     named, runner_ups, alarms = judged.named, judged.runner_ups, judged.alarms
     chosen = selection.chosen
     rivals = selection.rivals if chosen is not None else ()
-    does = None if chosen is None else likelihood.y - evidence.remainder(chosen)
-    grid, items = heatmap(likelihood, z, k, does)
-    if named and not items:
-        outcome = rules.hidden_in_noise(named[0])
+    rest = evidence.remainder(chosen) if chosen is not None else likelihood.y
+    does = None if chosen is None else likelihood.y - rest
     onsets: list[float | None] = [None] * len(likelihood.trials)
     # When a law began that is not what happens, nobody can say.
     if chosen is not None and outcome.verdict in ("effect", "ambiguous"):
         onsets = find_onsets(likelihood, chosen, k)
-        items = tuple(
-            replace(i, onset=onsets[r])
-            for i in items
-            for r, trial in enumerate(likelihood.trials)
-            if trial.name == i.recording
-        )
+    began = {} if chosen is None else began_in(chosen, onsets)
+    grid, items = heatmap(likelihood, z, k, does, began)
+    if named and not items:
+        outcome, onsets = rules.hidden_in_noise(named[0]), [None] * len(onsets)
     shown = {e.name for e in named} if outcome.verdict in ("effect", "ambiguous") else set()
     unnamed = [name for name in settings.track if name not in shown]
-    rest = evidence.remainder(chosen) if chosen is not None else likelihood.y
     ambiguity: tuple[tuple[str, ...], ...] = ()
     experiment = None
     if outcome.verdict == "ambiguous" and chosen is not None and named:
@@ -244,7 +256,7 @@ def _conclude(
     )
     signs = signatures(likelihood, rest) if outcome.verdict == "none_of_mine" else ()
     diagnosis = replace(
-        empty,
+        case.unjudged(),
         verdict=outcome.verdict,
         reasons=outcome.reasons,
         where=items if outcome.verdict != "no_gap" else (),
@@ -261,16 +273,16 @@ def _conclude(
         heatmap=grid,
         tiles=tile_gaps(likelihood, z, k, does),
         information={} if chosen is None else kind.information(likelihood, chosen),
-        least_sizes=tuple(kind.least_sizes(evidence, effects, selection.threshold)),
+        least_sizes=tuple(kind.least_sizes(evidence, case.effects, selection.threshold)),
         timelines=timelines(likelihood, z, k, onsets, does),
         curves=tuple(c for c in curves if c is not None),
         tracked=track(evidence, chosen, unnamed, np.random.default_rng(settings.seed), kind.effects)
         if unnamed
         else (),
         overlays=far.overlays,
-        timings=timings,
+        timings=watch.timings,
         settings={
-            "library": sorted({e.family for e in effects}),
+            "library": sorted({e.family for e in case.effects}),
             "threshold": selection.threshold,
             "correlation_time_samples": k,
             "gain_of_perfect_model_nat": selection.excess,
@@ -282,7 +294,7 @@ def _conclude(
         rng = np.random.default_rng([settings.seed, 1])  # draws of its own: the report's stay as they are
         sure = diagnosis.verdict == "effect"
         far = replace(far, correction=kind.correction(evidence, chosen, far, sure, rng))
-    done("report")
+    watch.done("report")
     return kind.finish(diagnosis, likelihood.trials[0]), far
 
 

@@ -62,9 +62,9 @@ class WhereItem:
     phase: str  # one of PHASES
     t0: float  # in the recording [s]
     t1: float
-    share: float  # of the whole excess energy
+    share: float  # of the excess energy of all parts that are significant
     recording: str = ""
-    onset: float | None = None  # when it began, if it was not there from the start [s]
+    onset: float | None = None  # when the first named effect, which acts there, began in the recording [s]
 
 
 @dataclass(frozen=True, eq=False)

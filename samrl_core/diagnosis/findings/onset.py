@@ -12,9 +12,11 @@ that much is conceded to "all along" as well.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from samrl_core.diagnosis.residuals.likelihood import Likelihood
+from samrl_core.diagnosis.residuals.likelihood import Block, Likelihood
 from samrl_core.diagnosis.selection.hypothesis import ONSET, Fit
 from samrl_core.diagnosis.selection.invariance import FORMULA
 
@@ -41,6 +43,13 @@ def find_onsets(likelihood: Likelihood, fit: Fit, correlation: float) -> list[fl
     for h, amplitudes in zip(fit.hypotheses[1:], fit.amplitudes[1:], strict=True):
         rest = likelihood.minus(h.regressors, amplitudes, rest)
     return [_onset(likelihood, mine, rest, r, correlation) for r in range(len(likelihood.trials))]
+
+
+def began_in(fit: Fit, onsets: Sequence[float | None]) -> dict[Block, float]:
+    """When the first effect of a fit began in each block in which it acts [s]; `onsets` per recording."""
+    blocks = fit.hypotheses[0].regressors.blocks
+    acts = {block for block, rows in blocks.items() if np.any(rows)}
+    return {b: onset for b in sorted(acts) if (onset := onsets[b[0]]) is not None}
 
 
 def _onset(

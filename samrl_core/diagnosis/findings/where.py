@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 from scipy import stats
 
-from samrl_core.diagnosis.residuals.likelihood import Likelihood
+from samrl_core.diagnosis.residuals.likelihood import Block, Likelihood
 from samrl_core.diagnosis.result import PHASES, Heatmap, TileGaps, Timeline, WhereItem
 
 WINDOW_S = 0.25
@@ -16,12 +17,17 @@ LEAST_SHARE = 0.01  # of the excess that an item must have to be listed
 
 
 def heatmap(
-    likelihood: Likelihood, z: np.ndarray, correlation: float, effects: np.ndarray | None = None
+    likelihood: Likelihood,
+    z: np.ndarray,
+    correlation: float,
+    effects: np.ndarray | None = None,
+    began: Mapping[Block, float] = MappingProxyType({}),
 ) -> tuple[Heatmap, tuple[WhereItem, ...]]:
     """Excess by joint, channel and phase, and its significant cells, strongest first.
 
     `effects` (N,) is what named effects do: a gap with the shape of a tolerance is cheap sample by sample,
-    and shows where it lies only by its own prediction.
+    and shows where it lies only by its own prediction. `began` is when the first of them did, where it acts
+    [s].
     """
     z = _standing_out(z, effects)
     trials = likelihood.trials
@@ -58,6 +64,7 @@ def heatmap(
             items.append(
                 WhereItem(
                     places[j], channel, phase, t0, t1, float(excess[j, column] / everything), trials[r].name,
+                    began.get((r, channel, j)),
                 )
             )  # fmt: skip
     values = np.where(count > 0, np.sqrt(np.nan_to_num(mean)), np.nan)

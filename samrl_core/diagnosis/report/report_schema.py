@@ -73,7 +73,7 @@ class WhereEntry(_Part):
     phase: str
     t0: float | None = Field(description="in the recording [s]")
     t1: float | None = Field(description="in the recording [s]")
-    share: float | None = Field(description="of the whole excess energy")
+    share: float | None = Field(description="of the excess energy of all significant parts")
 
 
 class ParameterEntry(_Part):

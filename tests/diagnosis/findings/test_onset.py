@@ -13,7 +13,7 @@ from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.diagnosis.effects import FAMILIES
 from samrl_core.diagnosis.effects.effect import Effect
 from samrl_core.diagnosis.effects.form import Place
-from samrl_core.diagnosis.findings.onset import find_onsets
+from samrl_core.diagnosis.findings.onset import began_in, find_onsets
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.selection.hypothesis import ONSET, Evidence, Fit, hypothesis
 from tests.diagnosis import worlds
@@ -61,6 +61,13 @@ def test_what_was_there_from_the_start_has_no_onset() -> None:
 def test_what_is_switched_on_began_then() -> None:
     a, b = find_onsets(*switched(from_on(3.0), from_on(4.0)))
     assert a == pytest.approx(3.0, abs=0.3) and b == pytest.approx(4.0, abs=0.3)
+
+
+def test_an_onset_is_said_where_the_effect_acts() -> None:
+    """What stands out at another joint did not begin with it."""
+    likelihood, fit, _ = switched(np.ones_like)
+    assert began_in(fit, [None, 3.0]) == {(1, "drive", LIFT): 3.0}
+    assert (1, "drive", LIFT) in likelihood.blocks and len(likelihood.blocks) > 4
 
 
 def test_what_is_switched_on_in_one_recording_was_there_all_along_in_the_other() -> None:

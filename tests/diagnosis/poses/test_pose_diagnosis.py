@@ -22,6 +22,7 @@ from samrl_core.diagnosis.residuals.poses.noise import growth_power, leftover
 from samrl_core.diagnosis.residuals.poses.pose_trial import PoseTrial
 from samrl_core.diagnosis.residuals.poses.solve import solved
 from samrl_core.diagnosis.result import Diagnosis
+from samrl_core.diagnosis.selection import verdict as rules
 from tests.diagnosis.poses.pose_worlds import (
     CAMERA,
     SMALL,
@@ -153,6 +154,16 @@ def test_unknown_transforms_are_solved_and_time_is_still_told() -> None:
     assert d.verdict == "ambiguous" and "camera_latency@sensor:camera" in d.ambiguity_set[0]
     assert "hand_eye" in d.not_testable and sum("is not stated" in note for note in d.notes) == 2
     assert diagnosis(PoseWorld(stated=False)).verdict == "no_gap"
+
+
+def test_what_was_solved_is_told_once_where_held_out_halves_are_fitted_too(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(rules, "only_held_out", lambda *_: True)
+    fit, held_out = split_poses(record(PoseWorld(stated=False)), 0.5)
+    d, _ = diagnose([fit], [held_out], DiagnosisSettings(library={"camera_latency"}))
+    assert [i.role for i in d.inputs] == ["fit", "fit", "held_out"]
+    assert sum("is not stated" in note for note in d.notes) == 2
 
 
 def test_what_is_solved_is_what_pinocchio_and_scipy_find() -> None:

@@ -75,7 +75,6 @@ class JointSmoother:
             jerk_scaling * limits.jerk,
         )
         self._queue: deque[np.ndarray] = deque()
-        self._final_velocity = np.zeros(joints)
         self._least_s = 0.0  # of the motion to a single target [s]
         self._done = True
         self.reset(0.5 * (limits.lower + limits.upper))
@@ -85,37 +84,19 @@ class JointSmoother:
         """Whether the set point rests at the last target."""
         return self._done
 
-    def reset(self, position: np.ndarray, velocity: np.ndarray | None = None) -> None:
-        """Start anew at a position (J,) [rad], at rest or moving at a velocity (J,) [rad/s].
-
-        A moving start has no target: it brakes to rest unless one is set.
+    def reset(self, position: np.ndarray) -> None:
+        """Start anew at rest at a position (J,) [rad].
 
         Raises:
             InputError: wrong length, or a value that is not finite; nothing changes.
-            LimitError: beyond a limit, or too fast to stop before a position limit; nothing changes.
+            LimitError: beyond a limit; nothing changes.
         """
         q = self._checked_position(position, 0.0, "move the arm back inside by hand")
-        v = self._checked_velocity(np.zeros_like(q) if velocity is None else velocity, q, "start slower")
         self._input.current_position = q.tolist()
-        self._input.current_velocity = v.tolist()
+        self._input.current_velocity = [0.0] * len(q)
         self._input.current_acceleration = [0.0] * len(q)
         self.stop()
-        self._done = not v.any()
-
-    def set_target(self, position: np.ndarray, velocity: np.ndarray | None = None) -> None:
-        """Go to a position (J,) [rad] from wherever the set point is, and stop there.
-
-        With a velocity (J,) [rad/s] it is reached at that velocity; then, without another target, it brakes.
-
-        Raises:
-            InputError: wrong length, or a value that is not finite; nothing changes.
-            LimitError: beyond a limit, or too fast to stop before a position limit; nothing changes.
-        """
-        q = self._checked_target(position)
-        v = self._checked_velocity(np.zeros_like(q) if velocity is None else velocity, q, "arrive slower")
-        self._queue, self._least_s = deque([q]), 0.0
-        self._final_velocity = v
-        self._aim()
+        self._done = True
 
     def set_waypoints(self, waypoints: list[np.ndarray], least_s: float = 0.0) -> None:
         """Go through positions (J,) [rad] and stop at the last; a single one takes `least_s` at least.
@@ -131,7 +112,6 @@ class JointSmoother:
         targets = [self._checked_target(w) for w in waypoints]
         self._least_s = least_s if len(targets) == 1 else 0.0
         self._queue = deque(targets)
-        self._final_velocity = np.zeros_like(self._queue[0])
         self._aim()
 
     def stop(self) -> None:
@@ -173,8 +153,6 @@ class JointSmoother:
             if arrived or distance < self._blend:
                 self._queue.popleft()
                 self._aim()
-        elif arrived and self._queue and self._final_velocity.any():
-            self.stop()
         elif arrived:
             self._done = True
             zeros = [0.0] * len(self._limits.lower)
@@ -186,7 +164,7 @@ class JointSmoother:
         self._input.control_interface = ruckig.ControlInterface.Position
         self._input.synchronization = ruckig.Synchronization.Time
         self._input.target_position = self._queue[0].tolist()
-        self._input.target_velocity = self._final_velocity.tolist() if len(self._queue) == 1 else zeros
+        self._input.target_velocity = zeros
         self._input.target_acceleration = zeros
         self._input.minimum_duration = self._least_s or None
         self._limit(*self._limits_along_a_line())
@@ -201,7 +179,7 @@ class JointSmoother:
         """
         way = np.abs(self._queue[0] - np.array(self._input.current_position))
         moving = np.concatenate([self._input.current_velocity, self._input.current_acceleration])
-        if moving.any() or np.any(self._input.target_velocity):
+        if moving.any():
             return self._fastest
         goes = way > _SLACK
         if not goes.any():
@@ -226,25 +204,6 @@ class JointSmoother:
                 f"{self._names[j]} at {q[j]:.4f} rad, allowed {low[j]:.4f} to {high[j]:.4f} rad; {remedy}"
             )
         return q
-
-    def _checked_velocity(self, velocity: np.ndarray, position: np.ndarray, remedy: str) -> np.ndarray:
-        v = self._finite(velocity, "velocity", "rad/s")
-        top, a, jerk = self._fastest
-        over = np.abs(v) / top
-        if over.max() > 1.0:
-            j = int(np.argmax(over))
-            raise LimitError(f"{self._names[j]} at {v[j]:.4f} rad/s, limit {top[j]:.4f} rad/s; {remedy}")
-        # Braking takes |v|/a + a/j at most (less where a is not reached), on average at half the speed.
-        end = position + 0.5 * v * (np.abs(v) / a + a / jerk)
-        outside = np.maximum(self._limits.lower - end, end - self._limits.upper)
-        outside[v == 0.0] = 0.0
-        if outside.max() > _SLACK:
-            j = int(np.argmax(outside))
-            raise LimitError(
-                f"{self._names[j]} at {v[j]:.4f} rad/s could stop only at {end[j]:.4f} rad, limits "
-                f"{self._limits.lower[j]:.4f} to {self._limits.upper[j]:.4f} rad; {remedy}"
-            )
-        return v
 
     def _finite(self, values: np.ndarray, what: str, unit: str) -> np.ndarray:
         q = np.array(values, dtype=np.float64)

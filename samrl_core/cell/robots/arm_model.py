@@ -127,12 +127,6 @@ class ArmModel:
         """Torque that holds the arm still, (J,)."""
         return pin.computeGeneralizedGravity(self._model, self._data, self._checked("position", q)).copy()
 
-    def coriolis(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
-        """Centrifugal and Coriolis torque, (J,)."""
-        q, dq = self._checked("position", q), self._checked("velocity", dq)
-        bias = pin.nonLinearEffects(self._model, self._data, q, dq).copy()
-        return bias - pin.computeGeneralizedGravity(self._model, self._data, q)
-
     def inverse_dynamics(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
         """Torque for a motion, gravity included, (J,)."""
         q, dq = self._checked("position", q), self._checked("velocity", dq)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from dataclasses import fields, replace
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -113,17 +113,6 @@ def child_link(spec: RobotSpec, joint: str) -> str:
     found = read_urdf(spec.urdf).find(f"joint[@name='{joint}']/child")
     assert found is not None, joint  # `check_robot` has seen it
     return found.get("link", "")
-
-
-def with_urdf(spec: RobotSpec, path: Path | str) -> RobotSpec:
-    """The same arm described by another file, checked.
-
-    Raises:
-        InputError: as `check_robot`.
-    """
-    other = replace(spec, urdf=Path(path))
-    check_robot(other)
-    return other
 
 
 def check_robot(spec: RobotSpec) -> None:

@@ -8,9 +8,8 @@ import numpy as np
 
 from samrl_core.diagnosis.export.correction import Correction
 from samrl_core.diagnosis.export.statement import CONTROLLER, MISSING, Statement
-from samrl_core.diagnosis.simulation.plant_parameters import joint_fields
 
-_WORDS: dict[str, tuple[str, Callable[[Correction, int], str]]] = {
+WORDS: dict[str, tuple[str, Callable[[Correction, int], str]]] = {
     "harmonic_amplitude": (MISSING, lambda c, j: (
         f"torque that ripples with the position: apply {c.at('harmonic_amplitude', j):.3g} N m"
         f" sin({c.at('harmonic_order', j):.4g} q + {c.at('harmonic_phase', j):.3g}) in your step function")),
@@ -66,7 +65,7 @@ _WORDS: dict[str, tuple[str, Callable[[Correction, int], str]]] = {
 
 def in_words(correction: Correction, name: str, joint: int) -> tuple[str, str]:
     """How a change stands where a file has no place for it, and what to do."""
-    how, words = _WORDS[name]
+    how, words = WORDS[name]
     return how, words(correction, joint)
 
 
@@ -74,7 +73,7 @@ def say_missing(correction: Correction, known: Collection[str], simulator: str) 
     """A statement for each change that the writer has not taken."""
     c, out = correction, []
     for name in c.fields:
-        if name in known or name not in _WORDS:
+        if name in known or name not in WORDS:
             continue
         for j, joint in enumerate(c.joints):
             if c.changes(name, j):
@@ -98,13 +97,3 @@ def say_missing(correction: Correction, known: Collection[str], simulator: str) 
         for name in c.unsimulated
     ]
     return out
-
-
-def unmentioned(names: Collection[str]) -> set[str]:
-    """Joint fields that stand for themselves and would be lost without a word; a test keeps this empty."""
-    helpers = {
-        "coulomb_velocity", "stribeck_velocity", "friction_harmonic_order", "friction_harmonic_phase",
-        "thermal_time", "thermal_offset", "cable_rest", "encoder_phase", "joint_damping", "hysteresis_torque",
-        "harmonic_order", "harmonic_phase", "encoder_resolution",
-    }  # fmt: skip
-    return set(joint_fields()) - helpers - set(_WORDS) - set(names)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,6 @@ import pytest
 
 from samrl_core.cell.robots.cells import robots
 from samrl_core.cell.robots.geometry import Capsules, clearance, link_shapes, segment_distance
-from samrl_core.cell.robots.urdf import with_urdf
 from samrl_core.cell.types.pose import Pose
 from samrl_core.cell.types.scene import Box, Capsule, Cylinder
 from samrl_core.common.errors import InputError
@@ -33,14 +33,14 @@ def test_mesh_that_is_not_there_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "mesh.urdf"
     path.write_text(spec.urdf.read_text().replace('<box size="0.14 0.12 0.11"/>', '<mesh filename="a.stl"/>'))
     with pytest.raises(InputError, match=r"mesh 'a.stl', which is not there"):
-        link_shapes(with_urdf(spec, path))
+        link_shapes(replace(spec, urdf=path))
 
 
 def test_sphere_becomes_a_cylinder(tmp_path: Path) -> None:
     spec = robots()["panda"]
     path = tmp_path / "sphere.urdf"
     path.write_text(spec.urdf.read_text().replace('<box size="0.14 0.12 0.11"/>', '<sphere radius="0.1"/>'))
-    part = link_shapes(with_urdf(spec, path))["panda_link0"][1]
+    part = link_shapes(replace(spec, urdf=path))["panda_link0"][1]
     assert isinstance(part, Cylinder)
     assert (part.radius, part.length) == (0.1, 0.2)
 

@@ -13,7 +13,7 @@ from samrl_core.cell.robots.arm_model import ArmModel, Payload
 from samrl_core.cell.robots.cells import cell_named, robots
 from samrl_core.cell.robots.geometry import Capsules, clearance, link_shapes
 from samrl_core.cell.robots.robot import RobotSpec
-from samrl_core.cell.robots.urdf import check_robot, with_urdf
+from samrl_core.cell.robots.urdf import check_robot
 from samrl_core.common.errors import InputError
 
 every_arm = pytest.mark.parametrize("spec", robots().values(), ids=robots())
@@ -132,12 +132,12 @@ def test_payload_must_be_possible(spec: RobotSpec) -> None:
 
 def test_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="nowhere"):
-        with_urdf(robots()["panda"], tmp_path / "nowhere.urdf")
+        check_robot(replace(robots()["panda"], urdf=tmp_path / "nowhere.urdf"))
 
 
 def test_other_arms_file_is_refused() -> None:
     with pytest.raises(InputError, match="panda_link0"):
-        with_urdf(robots()["panda"], robots()["rizon4"].urdf)
+        check_robot(replace(robots()["panda"], urdf=robots()["rizon4"].urdf))
 
 
 @pytest.mark.parametrize(
@@ -159,7 +159,7 @@ def test_broken_file_is_refused(tmp_path: Path, old: str, new: str, match: str) 
     path = tmp_path / "broken.urdf"
     path.write_text(text.replace(old, new))
     with pytest.raises(InputError, match=match):
-        with_urdf(spec, path)
+        check_robot(replace(spec, urdf=path))
 
 
 def test_broken_spec_is_refused() -> None:

@@ -17,14 +17,11 @@ from samrl_core.common.files import write_whole
 from samrl_ros.blind_test.study import (
     KINDS,
     LEFT_OUT_FILE,
-    by_engine,
     commit_before,
     commit_or_none,
     head,
     left_out,
     same_as_before,
-    shares,
-    usual_counts,
 )
 from samrl_ros.cli.blind_test.making import make_and_seal, mapping_of, name_failed
 from samrl_ros.cli.blind_test.show import console as make_console
@@ -91,41 +88,25 @@ def forge(
     if out is None:
         raise typer.BadParameter("--out is missing: the folder of the worlds")
     from samrl_core.blind_test.engines.simulate import DivergedError
-    from samrl_core.blind_test.worlds.plan import ForgeSettings, plan_worlds
+    from samrl_core.blind_test.worlds.plan import plan_worlds
+    from samrl_ros.blind_test.asked_study import AskedStudy
     from samrl_ros.blind_test.runs import Making, make
 
     study = Study(out.resolve())
     chosen, number = _seed_of(study, seed, commit)
-    every = ForgeSettings()
-    drawn = ForgeSettings(
-        single=0,
-        outside=0,
-        double=0,
-        mujoco=0,
-        pinocchio=0,
-        second_set=second_set,
-        families=tuple(family or ()),
+    asked = AskedStudy(
+        worlds,
+        {"single": single, "none": none, "outside": outside, "double": double},
+        {"mujoco": mujoco, "pinocchio": pinocchio},
+        second_set,
+        tuple(family or ()),
+        duration,
     )
-    usual = {kind: getattr(every, kind) for kind in (*KINDS, "mujoco", "pinocchio")}
-    counts = {kind: usual[kind] for kind in KINDS}
-    if family:
-        counts = usual_counts(len(drawn.library), len(drawn.outside_library), usual)
-    if worlds is not None:
-        counts = shares(worlds, counts)
-    asked = {"single": single, "none": none, "outside": outside, "double": double}
-    counts |= {kind: count for kind, count in asked.items() if count is not None}
-    settings = ForgeSettings(
-        seed=number,
-        second_set=second_set,
-        duration_s=every.duration_s if duration is None else duration,
-        families=drawn.families,
-        **by_engine(study, counts, usual, {"mujoco": mujoco, "pinocchio": pinocchio}),
-        **counts,
-    )
+    settings = asked.settings(study, number)
     same_as_before(study, {"settings": settings.as_dict(), "commit": chosen})
     plan = plan_worlds(settings)
     console = make_console()
-    listed = ", ".join(f"{count} {kind}" for kind, count in counts.items())
+    listed = ", ".join(f"{getattr(settings, kind)} {kind}" for kind in KINDS)
     engines = f"{settings.mujoco} of all by MuJoCo, {settings.pinocchio} by Pinocchio"
     console.print(f"{len(plan)} worlds: {listed}; {engines}", soft_wrap=True)
     by_trajectory = sorted(

@@ -11,6 +11,7 @@ from scipy import signal
 
 from samrl_core.cell.robots.joint_dynamics import joint_dynamics
 from samrl_core.cell.types.arm_recording import ArmRecording
+from samrl_core.diagnosis.residuals.driving_quantities import quantities_of
 from samrl_core.diagnosis.residuals.equations import (
     UNITS,
     Columns,
@@ -115,22 +116,18 @@ class Trial(Observed):
 
     def drivers(self, channel: str, row: int) -> dict[str, np.ndarray]:
         """Quantities (N,) of a joint's motion and effort."""
-        motion = self.motion
-        q, dq = motion.q[:, row], motion.dq[:, row]
-        drivers = {
-            "sign of velocity": np.tanh(dq / 0.01),
-            "velocity": dq,
-            "acceleration": motion.ddq[:, row],
-            "position": q,
-            "sine of position": np.sin(q),
-            "cosine of position": np.cos(q),
-            "velocity squared, signed": dq * np.abs(dq),
-            "time": motion.t - motion.t[0],
-        }
-        if motion.u is not None:
-            drivers["commanded effort"] = motion.u[:, row]
-            drivers["rate of commanded effort"] = motion.derivative(motion.u[:, row])
-        return drivers
+        return quantities_of(self.motion, self._weighed_effort, row)
+
+    @cached_property
+    def _weighed_effort(self) -> np.ndarray | None:
+        """Effort (N, J) [N m] that laws are compared along: as commanded, or the model's if computed.
+
+        A computed one holds the residual's own noise. Samples where it is large are those that were misread
+        one way, and any law would seem to be larger there than elsewhere.
+        """
+        if not self.motion.computed or self.rigid is None or not self.motion.dynamic:
+            return self.motion.u
+        return self.motion.reduce(self.delivered_torque)
 
     def names_of(self, kind: str) -> tuple[str, ...]:
         """Joints, the arm, or links but the last: a mass there and one in the gripper are the same."""

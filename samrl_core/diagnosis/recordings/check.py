@@ -36,6 +36,7 @@ def check_recording(recording: ArmRecording) -> tuple[str, ...]:
         raise InputError(f"{where}: {reason}")
     if still := motion.still_joints(recording):
         notes.append(f"{', '.join(still)} do not move (range below {motion.LEAST_RANGE} rad or m)")
+    units.refuse_wraps(where, recording)
     notes += units.limit_notes(where, recording)
     notes += units.velocity_notes(where, recording)
     notes += units.command_notes(where, recording)

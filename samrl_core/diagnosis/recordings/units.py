@@ -13,6 +13,7 @@ from samrl_core.cell.robots.urdf_text import parse_urdf
 from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.recordings.motion_check import LEAST_RANGE, derivative, smooth
+from samrl_core.diagnosis.recordings.turns import find_wraps
 
 DEGREES = 180.0 / np.pi
 _BEYOND = 0.2  # [rad or m] over a limit before units are suspected: offsets and soft limits are smaller
@@ -96,6 +97,26 @@ def limit_notes(where: str, recording: ArmRecording) -> list[str]:
             " convert to SI units (a mapping of `samrl bag import` states the unit)"
         )
     return [f"{said}; wrong URDF, zero position or unit?"]
+
+
+def refuse_wraps(where: str, recording: ArmRecording) -> None:
+    """Angles that jump by a turn, which a derivative would take for a motion.
+
+    Raises:
+        InputError: a measured position does so.
+    """
+    states = recording.states
+    if states.position is None:
+        return
+    for joint, angles in zip(recording.arm.joints, states.position.T, strict=True):
+        jumps = find_wraps(angles, 2.0 * np.pi)
+        if len(jumps):
+            k = int(jumps[0])
+            raise InputError(
+                f"{where}: position of {joint} goes from {angles[k]:.4g} to {angles[k + 1]:.4g} rad at"
+                f" {states.time[k] - states.time[0]:.4g} s, and so {len(jumps)} times: an angle that wraps"
+                " around. Take its turns out: `samrl bag draft` does, in a mapping unwrap(x, 360) of degrees"
+            )
 
 
 def velocity_notes(where: str, recording: ArmRecording) -> list[str]:

@@ -28,6 +28,7 @@ MEASURED = "actual act meas measured feedback state states obs observation prese
 COMPUTED = "error err output residual integral multi"
 # Of a torque: a share that somebody worked out of it, or its rate.
 SHARES = "ext external hat interact interaction gravity g coriolis friction contact disturbance dot rate"
+ENABLED = frozenset("enable enabled".split())  # whether a drive gives torque: torque_enable
 TIME = "t time times timestamp timestamps stamp stamps sec secs seconds ms us ns clock zeit"
 UNIT_WORDS = {
     "rad": "rad", "deg": "deg", "degrees": "deg", "degree": "deg", "rpm": "rpm", "nm": "N m", "ms": "ms",
@@ -84,6 +85,8 @@ def meaning(name: str) -> NameMeaning:
         units = [electric[1]]
         quantity = quantity or ("current" if electric[1].endswith("A") else "voltage")
     found = set(words)
+    if found & ENABLED:
+        return NameMeaning("enabled")
     return NameMeaning(
         quantity=quantity,
         commanded=bool(found & _COMMANDED),

@@ -27,6 +27,8 @@ from samrl_ros.log_import.draft.joints.channels import (
     quantity_of,
 )
 from samrl_ros.log_import.draft.joints.told_by_model import is_without_gravity, settle_by_model, told_by_model
+from samrl_ros.log_import.draft.joints.torque_switch import add_torque_switch
+from samrl_ros.log_import.draft.joints.whole_turns import take_turns_out, take_turns_out_beside, turn_of
 from samrl_ros.log_import.formats.parquet import episodes, is_lerobot
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics, read_text_topic
 from samrl_ros.log_import.tables import RARELY_LOGS, SUFFIXES
@@ -86,9 +88,16 @@ def draft_mapping(
     time = add_source(position.part, "states", draft)
     states = {"source": "states", "position": quantity_of(position, order, unit, draft, "states")}
     draft.channels["states"] = states
+    if turn := turn_of(position, unit):
+        whole = take_turns_out(position, order, turn, states["position"], draft)
+        found = [whole if each.block is position.block else each for each in found]
+        position = whole
     used = [position]
     used += add_velocity(found, position, order, unit, time, states, draft)
-    used += add_command(found, position, order, unit, time, draft)
+    commands = add_command(found, position, order, unit, time, draft)
+    if turn and commands:
+        take_turns_out_beside(position, commands[0], order, turn, draft)
+    used += commands + add_torque_switch(found, position, order, draft)
     used += add_effort(
         found,
         position,

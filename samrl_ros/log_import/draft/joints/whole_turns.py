@@ -1,0 +1,89 @@
+"""Angles of a log that wrap around, as 0 to 360 degrees or 0 to 4095 counts: their turns are taken out.
+
+What follows such an angle wraps with it, and may begin a turn away.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from samrl_core.diagnosis.recordings.turns import find_wraps
+from samrl_ros.log_import.draft.guess import Draft
+from samrl_ros.log_import.draft.joints.channels import NamedBlock, name_of
+
+_TURNS = {"rad": 2.0 * np.pi, "deg": 360.0, "rev": 1.0}
+_TURN_WORDS = {"rad": "2 * pi", "deg": "360", "rev": "1"}
+_COUNTS = (360, 400, 512, 1000, 1024, 2000, 2048, 4000, 4096, 8192, 10000, 16384, 32768, 36000, 65536, 1 << 20)
+
+
+def turn_of(position: NamedBlock, unit: str) -> float:
+    """How much of a position is a turn, where it wraps around; 0 where it does not."""
+    turns = [_TURNS[unit]] if unit in _TURNS else []
+    if unit.startswith("counts"):
+        largest = float(np.ptp(position.block.values))
+        turns = [float(next((n for n in _COUNTS if n > largest), 0))]
+    wraps = any(len(find_wraps(angles, turn)) for turn in turns if turn for angles in position.block.values.T)
+    return turns[0] if wraps else 0.0
+
+
+def take_turns_out(
+    position: NamedBlock, order: Sequence[str], turn: float, quantity: dict[str, Any], draft: Draft
+) -> NamedBlock:
+    """The position without its jumps; its formulas say so.
+
+    Args:
+        position: of the joints.
+        order: labels of the joints, as the formulas are.
+        turn: of the position's unit.
+        quantity: of the mapping, whose formulas are changed.
+        draft: to which the reason is added.
+    """
+    values, jumps = position.block.values.copy(), 0
+    for label in order:
+        k, number = position.block.labels.index(label), order.index(label)
+        if len(found := find_wraps(values[:, k], turn)):
+            values[:, k] = np.unwrap(values[:, k], period=turn)
+            quantity["formula"][number] = _unwrapped(quantity["formula"][number], turn, quantity["unit"])
+            jumps += len(found)
+    draft.note(
+        "channels.states.position",
+        f"it jumps by {turn:.4g} {'counts' if quantity['unit'].startswith('counts') else quantity['unit']}"
+        f" {jumps} times and goes on as before: an angle that wraps around, so unwrap",
+    )
+    return replace(position, block=replace(position.block, values=values))
+
+
+def take_turns_out_beside(
+    position: NamedBlock, command: NamedBlock, order: Sequence[str], turn: float, draft: Draft
+) -> None:
+    """A command of an angle that wraps, likewise; a turn between the two is no error of the controller."""
+    quantity = draft.channels["command"]["position"]
+    for number, label in enumerate(order):
+        if label not in command.block.labels or label not in position.block.labels:
+            continue
+        measured = position.block.values[:, position.block.labels.index(label)]
+        values = command.block.values[:, command.block.labels.index(label)]
+        formula = quantity["formula"][number]
+        if len(find_wraps(values, turn)):
+            values = np.unwrap(values, period=turn)
+            formula = _unwrapped(formula, turn, quantity["unit"])
+        away = round(float(np.median(values) - np.median(measured)) / turn)
+        if away and formula != quantity["formula"][number]:
+            formula += f" {'-' if away > 0 else '+'} {abs(away)} * {_turn_word(turn, quantity['unit'])}"
+        if formula != quantity["formula"][number]:
+            quantity["formula"][number] = formula
+            draft.note(
+                "channels.command.position", f"{name_of(command)} wraps around as the position does: unwrap"
+            )
+
+
+def _unwrapped(formula: str, turn: float, unit: str) -> str:
+    return f"unwrap({formula}, {_turn_word(turn, unit)})"
+
+
+def _turn_word(turn: float, unit: str) -> str:
+    return _TURN_WORDS.get(unit, f"{turn:.0f}")

@@ -1,0 +1,79 @@
+"""Angles that wrap around: a jump by a turn is no motion, in a draft and in a recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from samrl_core.cell.types.arm_recording import ArmRecording
+from samrl_core.common.errors import InputError
+from samrl_core.diagnosis.recordings.turns import find_wraps
+from samrl_ros.log_import.draft.guess import Draft, Effort
+from samrl_ros.log_import.draft.joints.joint_draft import draft_mapping
+from samrl_ros.log_import.importer import import_recording
+from samrl_ros.log_import.mapping import parse_mapping
+
+TIME = np.arange(0.0, 12.0, 0.02)
+ANGLE = 40.0 * np.sin(3.0 * TIME) * np.exp(-0.1 * TIME) + 3.0 * TIME  # [deg] about 0, as encoders of 360 show
+
+
+def _draft(path: Path, columns: dict[str, np.ndarray]) -> Draft:
+    lines = [",".join(columns), *(",".join(f"{x:.4f}" for x in row) for row in zip(*columns.values(), strict=True))]
+    path.write_text("\n".join(lines) + "\n")
+    return draft_mapping([path], None, None, Effort.passive)
+
+
+def _imported(draft: Draft, folder: Path) -> ArmRecording:
+    content = {key: value for key, value in draft.as_mapping().items() if key != "questions"}
+    mapping = parse_mapping(yaml.safe_dump(content), folder / "mapping.yaml")
+    return import_recording(mapping.recordings[0], mapping, folder).recording
+
+
+def test_an_angle_of_0_to_360_is_drafted_without_its_jumps(tmp_path: Path) -> None:
+    path = tmp_path / "pendulum.csv"
+    draft = _draft(path, {"time_s": TIME, "angle_deg": ANGLE % 360.0})
+    assert draft.channels["states"]["position"]["formula"] == ["unwrap(angle_deg_1, 360)"]
+    position = _imported(draft, tmp_path).states.position
+    assert position is not None
+    np.testing.assert_allclose(position[:, 0], np.radians(ANGLE), atol=1e-5)
+
+
+def test_counts_wrap_at_the_encoders_turn(tmp_path: Path) -> None:
+    counts = np.round(ANGLE / 360.0 * 4096) % 4096
+    draft = _draft(tmp_path / "arm.csv", {"time_s": TIME, "encoder": counts})
+    assert draft.channels["states"]["position"]["formula"] == ["unwrap(encoder_1, 4096)"]
+
+
+def test_a_command_that_begins_a_turn_away_is_no_error_of_a_turn(tmp_path: Path) -> None:
+    path = tmp_path / "servo.csv"
+    target = (ANGLE + 2.0) % 360.0  # begins at 2, the position at 359
+    draft = _draft(path, {"time_s": TIME, "target_deg": target, "actual_deg": (ANGLE - 1.0) % 360.0})
+    recording = _imported(draft, tmp_path)
+    assert recording.command is not None and recording.states.position is not None
+    assert recording.command.position is not None
+    away = recording.command.position - recording.states.position
+    np.testing.assert_allclose(away, np.radians(3.0), atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    "angles",
+    [
+        np.where(np.sin(TIME) > 0.0, 135.0, -135.0),  # steps to and fro
+        ANGLE,
+        (3000.0 * TIME) % 360.0,  # a sixth of a turn per sample: it wraps too often to be followed
+        np.where(TIME < 6.0, 0.0, 200.0),
+    ],
+)
+def test_what_does_not_wrap_is_left_alone(angles: np.ndarray) -> None:
+    assert not len(find_wraps(angles, 360.0))
+
+
+def test_a_recording_that_wraps_is_refused_with_the_remedy(tmp_path: Path) -> None:
+    path = tmp_path / "pendulum.csv"
+    draft = _draft(path, {"time_s": TIME, "angle_deg": ANGLE % 360.0})
+    draft.channels["states"]["position"]["formula"] = ["angle_deg_1"]  # as written by hand
+    with pytest.raises(InputError, match=r"joint_1 goes from .* wraps around.*unwrap\(x, 360\) of degrees"):
+        _imported(draft, tmp_path)

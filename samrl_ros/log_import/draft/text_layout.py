@@ -25,13 +25,14 @@ _DELIMITERS = (",", ";", "\t", " ")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf)", re.IGNORECASE)
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 _ENOUGH = 0.5  # of a row's cells that are numbers
+_FEW = 3  # rows that show how a file is written
 
 
 def text_options(path: Path) -> CsvOptions:
     """How to read a file; the defaults of any file that is no text, and of one that they fit.
 
     Raises:
-        InputError: the file cannot be read.
+        InputError: the file cannot be read, or its line of names does not fit its rows.
     """
     if path.suffix.lower() not in TEXT_SUFFIXES:
         return CsvOptions()
@@ -43,7 +44,10 @@ def text_options(path: Path) -> CsvOptions:
     if read_motion_capture(path, lines) is not None:
         return CsvOptions()
     tab = path.suffix.lower() == ".tsv"
-    return _options(lines, tab) or CsvOptions()
+    try:
+        return _options(lines, tab) or CsvOptions()
+    except InputError as error:
+        raise InputError(f"{path.name}: {error}") from None
 
 
 def stated_options(options: CsvOptions) -> dict[str, Any]:
@@ -52,7 +56,16 @@ def stated_options(options: CsvOptions) -> dict[str, Any]:
 
 
 def _options(lines: Sequence[str], tab: bool) -> CsvOptions | None:
-    """None where no table of numbers is found."""
+    """None where no table of numbers is found.
+
+    Raises:
+        InputError: the line of names has more or fewer cells than the rows below it.
+    """
+    filled = [line.strip() for line in lines if line.strip()]
+    if len(filled) >= _FEW and all(map(_NUMBER.fullmatch, filled)):
+        return CsvOptions(header=False)  # one column, without a name
+    if (named := _named_in_rows(lines)) is not None:
+        return named
     best: tuple[tuple[int, int], str, str] | None = None
     for delimiter in _DELIMITERS:
         for decimal in (".", ","):
@@ -78,10 +91,14 @@ def _options(lines: Sequence[str], tab: bool) -> CsvOptions | None:
         if comment and (named := _words_of_comment(lines[k], width)):
             names = named
             break
+    own = [line for line in lines[begin:] if _is_data(line, delimiter, decimal, width)]
+    again = [] if names or not above else _mended_names(lines[above[-1]], own, delimiter, width)
     plain = delimiter == ("\t" if tab else ",") and decimal == "."
     how: dict[str, Any] = {"delimiter": "," if tab and delimiter == "\t" else delimiter, "decimal": decimal}
     if comment:
         how["comment"] = comment[:1]
+    if again:
+        return CsvOptions(**how, header=again, skip_lines=begin)
     if not names:
         return CsvOptions(**how, header=False, skip_lines=0 if comment or not above else begin)
     header_at = next(k for k in reversed(above) if _named_by(lines[k], delimiter, names, width))
@@ -94,6 +111,55 @@ def _options(lines: Sequence[str], tab: bool) -> CsvOptions | None:
         plain_names = not lines[header_at].lstrip().startswith(_COMMENTS)
         return CsvOptions(**how, header=names, skip_lines=begin if plain_names or not comment else 0)
     return CsvOptions(**how, skip_lines=header_at)
+
+
+def _named_in_rows(lines: Sequence[str]) -> CsvOptions | None:
+    """Rows that repeat each name before its number, `t,12,PWM,0`; None where they are no such rows."""
+    for delimiter in _DELIMITERS:
+        rows = [_cells(line, delimiter) for line in lines]
+        told = [k for k, cells in enumerate(rows) if len(cells) > 3 and _takes_turns(cells)]
+        if len(told) < _FEW or told != list(range(told[0], told[0] + len(told))):
+            continue
+        names = rows[told[0]][::2]
+        if len({tuple(rows[k][::2]) for k in told}) == 1 and len(set(names)) == len(names):
+            header = [part for name in names for part in (f"({name})", name)]
+            return CsvOptions(delimiter=delimiter, header=header, skip_lines=told[0])
+    return None
+
+
+def _takes_turns(cells: Sequence[str]) -> bool:
+    """Whether every other cell is a name, and every other one a number."""
+    words = all(cell and not _NUMBER.fullmatch(cell) for cell in cells[::2])
+    return len(cells) % 2 == 0 and words and all(_NUMBER.fullmatch(cell) for cell in cells[1::2])
+
+
+def _mended_names(line: str, rows: Sequence[str], delimiter: str, width: int) -> list[str]:
+    """Names above rows that do not fit them at once; empty where the line holds no names.
+
+    A name that stands twice is counted; cells that are empty in every row, or behind the last name, are what
+    a delimiter at the end of a line leaves.
+
+    Raises:
+        InputError: another number of names than cells, and no way to tell whose they are.
+    """
+    cells = [cell.strip().strip('"') for cell in _split(line.lstrip("#%/ "), delimiter)]
+    if len(cells) < 2 or delimiter == " " or sum(bool(_NUMBER.fullmatch(cell)) for cell in cells) > 1:
+        return []
+    if len(cells) == width + 1 and not cells[-1]:
+        cells = cells[:-1]
+    if len(cells) == width - 1 and all(not _cells(row, delimiter)[-1] for row in rows):
+        cells = [*cells, "(empty)"]
+    if len(cells) != width:
+        if len(cells) < _ENOUGH * width:
+            return []  # a title
+        raise InputError(
+            f"the line of names has {len(cells)} ({', '.join(cells[:3])}, ...), the rows below it hold {width}"
+            " numbers: which number has which name is not told. Correct that line, or list the names in a"
+            f" mapping as csv: {{header: [...], skip_lines: ...}}, {width} of them"
+        )
+    return [
+        f"{cell} ({cells[:k].count(cell) + 1})" if cell in cells[:k] else cell for k, cell in enumerate(cells)
+    ]
 
 
 def _units_row(between: Sequence[str], delimiter: str, width: int) -> list[str]:

@@ -44,6 +44,20 @@ PLAIN = ["0.1,2,3", "0.2,3,4", "0.3,4,5.5"]
             {"delimiter": ";", "comment": "#", "skip_lines": 2, "header": ["t", "x [mm]", "y"]},
             ["t", "x [mm]", "y"],
         ),
+        (  # a recorder that was asked for one signal twice
+            "twice.csv", ["t,x,x", *PLAIN], {"skip_lines": 1, "header": ["t", "x", "x (2)"]}, ["t", "x", "x (2)"],
+        ),
+        (  # a delimiter behind the last name
+            "behind.csv", ["t,x,y,", *PLAIN], {"skip_lines": 1, "header": ["t", "x", "y"]}, ["t", "x", "y"],
+        ),
+        (  # and behind every number
+            "ends.csv", ["t,x,y", *[f"{r}," for r in PLAIN]],
+            {"skip_lines": 1, "header": ["t", "x", "y", "(empty)"]}, ["t", "x", "y"],
+        ),
+        (  # what a serial monitor kept of a board that prints names before its numbers
+            "serial.csv", ["=~=~ log 2018.05.10 =~=~", *["t,{},PWM,{},Enc1,{}".format(*r.split(",")) for r in PLAIN]],
+            {"skip_lines": 1, "header": ["(t)", "t", "(PWM)", "PWM", "(Enc1)", "Enc1"]}, ["t", "PWM", "Enc1"],
+        ),
     ],
 )  # fmt: skip
 def test_a_text_file_is_read_as_it_was_written(
@@ -53,8 +67,19 @@ def test_a_text_file_is_read_as_it_was_written(
     options = text_options(tmp_path / name)
     assert stated_options(options) == stated
     table = read_table(tmp_path / name, options, "it")
-    assert list(table.columns) == names
+    assert [name for name in table.columns if not name.startswith("(")] == names
     np.testing.assert_allclose(np.stack([table.numbers(n, "it") for n in names], axis=1), NUMBERS)
+
+
+def test_names_that_do_not_fit_their_rows_are_no_names_of_them(tmp_path: Path) -> None:
+    (tmp_path / "arm.csv").write_text("\n".join(["q1,q2,q3,dq1,dq2", *PLAIN]))
+    with pytest.raises(InputError, match=r"arm.csv: the line of names has 5 \(q1, q2, q3, .*hold 3 .*header"):
+        text_options(tmp_path / "arm.csv")
+
+
+def test_a_column_alone_has_no_name(tmp_path: Path) -> None:
+    (tmp_path / "stamps.csv").write_text("\n".join(f"{1470744587.966 + k:.6f}" for k in range(5)))
+    assert text_options(tmp_path / "stamps.csv") == CsvOptions(header=False)
 
 
 def test_a_listed_header_must_fit_the_file(tmp_path: Path) -> None:

@@ -36,6 +36,7 @@ from samrl_ros.recordings.read import chained_joints, moving_joints
 
 _MOST_EPISODES = 20  # of a dataset, that become recordings
 _RTDE = ("actual_q_{}", "target_q_{}")  # Universal Robots, Real-Time Data Exchange guide
+_SHOWN = 20  # columns that a message names
 _COUNTED = frozenset("counts count encoder enc tick ticks".split())
 _FULL_TURNS = 4 * np.pi  # [rad] more than a joint of an arm turns: degrees
 
@@ -275,10 +276,7 @@ def _measured_position(found: list[NamedBlock], joints: Sequence[str], draft: Dr
         wanted = [c for c in found if words_in(c.block.stem)[:1] in (["q"], ["qm"], ["qj"], ["joint"], ["x"])]
         reason = "named as positions often are"
     if not wanted:
-        names = ", ".join(name_of(c) for c in found)
-        if not names:
-            raise InputError("the log holds no columns of numbers; name the file of the motion")
-        raise InputError(f"no measured position was found among {names}; write the mapping by hand")
+        raise InputError(_nothing_measured(found))
     fits = [c for c in wanted if joints and set(c.block.labels) & set(joints)] or wanted
     best = max(
         fits,
@@ -299,6 +297,19 @@ def _measured_position(found: list[NamedBlock], joints: Sequence[str], draft: Dr
         question = f"is {name_of(best)} the measured position?"
     draft.note("channels.states.position", f"{name_of(best)}: {reason}", question)
     return best
+
+
+def _nothing_measured(found: Sequence[NamedBlock]) -> str:
+    """Why no position was found, and what to do about it."""
+    columns = [f"{c.part.path.name}: {name}" for c in found for name in c.block.columns]
+    if not columns:
+        return "the log holds no columns of numbers; name the file of the motion"
+    shown = ", ".join(columns[:_SHOWN]) + (", ..." if len(columns) > _SHOWN else "")
+    if all(name.isdecimal() for c in found for name in c.block.columns):
+        return f"{shown} have no names; name the columns in a first line, such as time,q1,q2,tau1,tau2"
+    rates = any(c.meaning.quantity == "velocity" for c in found)
+    more = "; a speed alone is none: integral(speed, time) in a mapping makes one of it" if rates else ""
+    return f"no measured position was found among {shown}; write the mapping by hand{more}"
 
 
 def _joints(position: NamedBlock, joints: Sequence[str], urdf: str | None, draft: Draft) -> list[str]:

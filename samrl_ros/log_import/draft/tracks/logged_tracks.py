@@ -13,7 +13,15 @@ import pandas as pd
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_file, is_folder
 from samrl_ros.log_import.draft.blocks import numbers_of
-from samrl_ros.log_import.draft.column_names import BASES, CAMERAS, CARRIED, SEEN, is_time
+from samrl_ros.log_import.draft.column_names import (
+    BASES,
+    CAMERAS,
+    CARRIED,
+    COMMANDED,
+    MEASURED,
+    SEEN,
+    is_time,
+)
 from samrl_ros.log_import.draft.text_layout import text_options
 from samrl_ros.log_import.draft.tracks.found_track import LEAST, FoundTrack
 from samrl_ros.log_import.draft.tracks.pose_tracks import (
@@ -39,6 +47,7 @@ FRAMES = {"B": "base", "H": "hand", "W": "world", "E": "eye"}
 _FILE_OF_FRAMES = re.compile(r"(?<![a-z])([a-z]+)(?:2|_to_|_in_|_wrt_)([a-z]+)")  # gripper2base.csv
 _KNOWN_FRAMES = SEEN | CARRIED | CAMERAS | BASES
 _TRANSFORMS = frozenset("t tf h x pose transform".split())  # T_base_ee
+_COMMANDED, _MEASURED = frozenset(COMMANDED.split()), frozenset(MEASURED.split())
 MOST_LABELS = 16  # things that rows of one file are of
 SHARED = 0.5  # of the time, that things beside each other are seen together
 
@@ -117,10 +126,21 @@ class LoggedTable:
 
     def tracks(self) -> list[LoggedTrack]:
         """Its poses and positions; of a topic the first."""
-        found = find_positions(self.table)[: 1 if self.part else None]
+        found = _without_commands(find_positions(self.table))[: 1 if self.part else None]
         for track in found:
             empty_zeros(self.table, track)
         return [LoggedTrack(self.path, self.table, t, self.part, self.header, self.csv) for t in found]
+
+
+def _without_commands(tracks: list[FoundTrack]) -> list[FoundTrack]:
+    """Without where an arm was sent: `target_TCP_pose` beside `actual_TCP_pose` is no tag that is seen."""
+    measured = {_thing(t.stem) for t in tracks if _MEASURED & set(t.stem) and not _COMMANDED & set(t.stem)}
+    return [t for t in tracks if not _COMMANDED & set(t.stem) or _thing(t.stem) not in measured]
+
+
+def _thing(stem: Sequence[str]) -> frozenset[str]:
+    """What a pose is of, wherever it comes from."""
+    return frozenset(stem) - _COMMANDED - _MEASURED
 
 
 def read_logged_tables(paths: Sequence[Path]) -> list[LoggedTable]:

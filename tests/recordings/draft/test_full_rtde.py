@@ -1,0 +1,43 @@
+"""Everything that a Universal Robot's RTDE gives in one table: a machine's log, and no hand-eye chain."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from samrl_ros.log_import.draft.any_draft import draft_any
+
+AXES = range(6)
+
+
+def _write(path: Path) -> None:
+    time = np.arange(0.0, 6.0, 0.008)
+    signals: dict[str, np.ndarray] = {"timestamp": 4156.212 + time}
+    for lag, name in ((0.012, "actual"), (0.0, "target")):
+        t = time - lag
+        q = [0.4 * np.sin((0.9 + 0.1 * k) * t + k) for k in AXES]
+        pose = [0.1 * q[0] - 0.3, 0.1 * q[1], 0.4 + 0.1 * q[2], 0.7 + 0.2 * q[3], 1.0 + 0.1 * q[4], 0.1 * q[5]]
+        signals |= {f"{name}_q_{k}": q[k] for k in AXES}
+        signals |= {f"{name}_qd_{k}": np.gradient(q[k], time) for k in AXES}
+        signals |= {f"{name}_current_{k}": 1.4 * np.sin(t + k) for k in AXES}
+        signals |= {f"{name}_TCP_pose_{k}": pose[k] for k in AXES}
+    header = [*signals, "target_current_0"]  # asked for twice
+    rows = zip(*signals.values(), signals["target_current_0"], strict=True)
+    path.write_text("\n".join([",".join(header), *(",".join(f"{x:.6f}" for x in row) for row in rows)]))
+
+
+def test_where_the_tool_was_sent_is_no_target_of_a_camera(tmp_path: Path) -> None:
+    _write(tmp_path / "robot_data.csv")
+    draft = draft_any([tmp_path / "robot_data.csv"], None, None)
+    assert draft.kind == "joints"
+    columns = draft.sources["states"]["columns"]
+    read = {
+        channel: [columns[key] for key in draft.channels[channel]["position"]["formula"]]
+        for channel in ("states", "command")
+    }
+    assert read == {
+        "states": [f"actual_q_{k}" for k in AXES],
+        "command": [f"target_q_{k}" for k in AXES],
+    }
+    assert not draft.questions

@@ -72,12 +72,20 @@ def derivative(values: Any, time: Any) -> np.ndarray:
     return np.gradient(np.asarray(values), np.asarray(time), axis=0)
 
 
+def integral(values: Any, time: Any) -> np.ndarray:
+    """The integral of values (N,) or (N, K) over time (N,), by trapezoids, 0 at the first sample."""
+    values, time = np.asarray(values, dtype=float), np.asarray(time, dtype=float)
+    steps = np.diff(time).reshape(-1, *([1] * (values.ndim - 1)))
+    parts = 0.5 * (values[1:] + values[:-1]) * steps
+    return np.concatenate([np.zeros_like(values[:1]), np.cumsum(parts, axis=0)])
+
+
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     "abs": np.abs, "sign": np.sign, "sqrt": np.sqrt, "exp": np.exp, "log": np.log,
     "sin": np.sin, "cos": np.cos, "tan": np.tan, "tanh": np.tanh, "atan2": np.arctan2,
     "min": np.minimum, "max": np.maximum, "clip": np.clip, "where": np.where, "signed": signed,
-    "unwrap": unwrap, "shift": shift, "derivative": derivative, "apply": apply, "solve": solve,
-    "stack": stack,
+    "unwrap": unwrap, "shift": shift, "derivative": derivative, "integral": integral, "apply": apply,
+    "solve": solve, "stack": stack,
 }  # fmt: skip
 _NAMES = {"pi": np.pi}
 

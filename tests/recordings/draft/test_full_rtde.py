@@ -17,7 +17,14 @@ def _write(path: Path) -> None:
     for lag, name in ((0.012, "actual"), (0.0, "target")):
         t = time - lag
         q = [0.4 * np.sin((0.9 + 0.1 * k) * t + k) for k in AXES]
-        pose = [0.1 * q[0] - 0.3, 0.1 * q[1], 0.4 + 0.1 * q[2], 0.7 + 0.2 * q[3], 1.0 + 0.1 * q[4], 0.1 * q[5]]
+        pose = [
+            0.1 * q[0] - 0.3,
+            0.1 * q[1],
+            0.4 + 0.1 * q[2],
+            0.7 + 0.2 * q[3],
+            1.0 + 0.1 * q[4],
+            0.1 * q[5],
+        ]
         signals |= {f"{name}_q_{k}": q[k] for k in AXES}
         signals |= {f"{name}_qd_{k}": np.gradient(q[k], time) for k in AXES}
         signals |= {f"{name}_current_{k}": 1.4 * np.sin(t + k) for k in AXES}

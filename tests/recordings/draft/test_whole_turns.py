@@ -21,7 +21,10 @@ ANGLE = 40.0 * np.sin(3.0 * TIME) * np.exp(-0.1 * TIME) + 3.0 * TIME  # [deg] ab
 
 
 def _draft(path: Path, columns: dict[str, np.ndarray]) -> Draft:
-    lines = [",".join(columns), *(",".join(f"{x:.4f}" for x in row) for row in zip(*columns.values(), strict=True))]
+    lines = [
+        ",".join(columns),
+        *(",".join(f"{x:.4f}" for x in row) for row in zip(*columns.values(), strict=True)),
+    ]
     path.write_text("\n".join(lines) + "\n")
     return draft_mapping([path], None, None, Effort.passive)
 

@@ -26,6 +26,7 @@ from samrl_ros.log_import.draft.joints.channels import (
     name_of,
     quantity_of,
 )
+from samrl_ros.log_import.draft.joints.speed_alone import integrate_speeds
 from samrl_ros.log_import.draft.joints.told_by_model import is_without_gravity, settle_by_model, told_by_model
 from samrl_ros.log_import.draft.joints.torque_switch import add_torque_switch
 from samrl_ros.log_import.draft.joints.whole_turns import take_turns_out, take_turns_out_beside, turn_of
@@ -85,17 +86,22 @@ def draft_mapping(
     order = _joints(position, joints, urdf, draft)
     found = [_label_by_name(each, order) for each in found]
     draft.recordings += _recordings_of_runs(runs, draft) if runs else _recordings(files)
-    unit = _position_unit(position, draft)
-    time = add_source(position.part, "states", draft)
-    states = {"source": "states", "position": quantity_of(position, order, unit, draft, "states")}
-    draft.channels["states"] = states
-    if turn := turn_of(position, unit):
-        whole = take_turns_out(position, order, turn, states["position"], draft)
-        found = [whole if each.block is position.block else each for each in found]
-        position = whole
-    used = [position]
-    used += add_velocity(found, position, order, unit, time, states, draft)
-    commands = add_command(found, position, order, unit, time, draft)
+    alone = position.meaning.quantity == "velocity"
+    unit = "" if alone else _position_unit(position, draft)
+    time, turn = add_source(position.part, "states", draft), 0.0
+    if alone:
+        speed = position
+        position, unit, used = integrate_speeds(found, speed, order, time, draft)
+        found = [position if each.block is speed.block else each for each in found]
+    else:
+        states = {"source": "states", "position": quantity_of(position, order, unit, draft, "states")}
+        draft.channels["states"] = states
+        if turn := turn_of(position, unit):
+            whole = take_turns_out(position, order, turn, states["position"], draft)
+            found = [whole if each.block is position.block else each for each in found]
+            position = whole
+        used = [position, *add_velocity(found, position, order, unit, time, states, draft)]
+    commands = [] if "command" in draft.channels else add_command(found, position, order, unit, time, draft)
     if turn and commands:
         take_turns_out_beside(position, commands[0], order, turn, draft)
     used += commands + add_torque_switch(found, position, order, draft)
@@ -276,6 +282,10 @@ def _measured_position(found: list[NamedBlock], joints: Sequence[str], draft: Dr
         wanted = [c for c in found if words_in(c.block.stem)[:1] in (["q"], ["qm"], ["qj"], ["joint"], ["x"])]
         reason = "named as positions often are"
     if not wanted:
+        wanted = [c for c in found if c.meaning.quantity == "velocity" and not c.meaning.computed]
+        wanted = [c for c in wanted if not c.meaning.commanded]
+        reason = ""
+    if not wanted:
         raise InputError(_nothing_measured(found))
     fits = [c for c in wanted if joints and set(c.block.labels) & set(joints)] or wanted
     best = max(
@@ -293,9 +303,10 @@ def _measured_position(found: list[NamedBlock], joints: Sequence[str], draft: Dr
     question = ""
     if rivals and not standard:
         question = f"is {name_of(best)} the joint's position, and not {' or '.join(map(name_of, rivals))}?"
-    elif reason != "the name says position":
+    elif reason not in ("", "the name says position"):
         question = f"is {name_of(best)} the measured position?"
-    draft.note("channels.states.position", f"{name_of(best)}: {reason}", question)
+    if reason or question:
+        draft.note("channels.states.position", f"{name_of(best)}: {reason}", question)
     return best
 
 
@@ -307,9 +318,7 @@ def _nothing_measured(found: Sequence[NamedBlock]) -> str:
     shown = ", ".join(columns[:_SHOWN]) + (", ..." if len(columns) > _SHOWN else "")
     if all(name.isdecimal() for c in found for name in c.block.columns):
         return f"{shown} have no names; name the columns in a first line, such as time,q1,q2,tau1,tau2"
-    rates = any(c.meaning.quantity == "velocity" for c in found)
-    more = "; a speed alone is none: integral(speed, time) in a mapping makes one of it" if rates else ""
-    return f"no measured position was found among {shown}; write the mapping by hand{more}"
+    return f"no measured position was found among {shown}; write the mapping by hand"
 
 
 def _joints(position: NamedBlock, joints: Sequence[str], urdf: str | None, draft: Draft) -> list[str]:

@@ -17,7 +17,24 @@ from samrl_ros.log_import.draft.joints.channels import NamedBlock, name_of
 
 _TURNS = {"rad": 2.0 * np.pi, "deg": 360.0, "rev": 1.0}
 _TURN_WORDS = {"rad": "2 * pi", "deg": "360", "rev": "1"}
-_COUNTS = (360, 400, 512, 1000, 1024, 2000, 2048, 4000, 4096, 8192, 10000, 16384, 32768, 36000, 65536, 1 << 20)
+_COUNTS = (
+    360,
+    400,
+    512,
+    1000,
+    1024,
+    2000,
+    2048,
+    4000,
+    4096,
+    8192,
+    10000,
+    16384,
+    32768,
+    36000,
+    65536,
+    1 << 20,
+)
 
 
 def turn_of(position: NamedBlock, unit: str) -> float:

@@ -45,7 +45,8 @@ PLAIN = ["0.1,2,3", "0.2,3,4", "0.3,4,5.5"]
             ["t", "x [mm]", "y"],
         ),
         (  # a recorder that was asked for one signal twice
-            "twice.csv", ["t,x,x", *PLAIN], {"skip_lines": 1, "header": ["t", "x", "x (2)"]}, ["t", "x", "x (2)"],
+            "twice.csv", ["t,x,x", *PLAIN],
+            {"skip_lines": 1, "header": ["t", "x", "x (2)"]}, ["t", "x", "x (2)"],
         ),
         (  # a delimiter behind the last name
             "behind.csv", ["t,x,y,", *PLAIN], {"skip_lines": 1, "header": ["t", "x", "y"]}, ["t", "x", "y"],
@@ -55,7 +56,8 @@ PLAIN = ["0.1,2,3", "0.2,3,4", "0.3,4,5.5"]
             {"skip_lines": 1, "header": ["t", "x", "y", "(empty)"]}, ["t", "x", "y"],
         ),
         (  # what a serial monitor kept of a board that prints names before its numbers
-            "serial.csv", ["=~=~ log 2018.05.10 =~=~", *["t,{},PWM,{},Enc1,{}".format(*r.split(",")) for r in PLAIN]],
+            "serial.csv",
+            ["=~=~ log 2018.05.10 =~=~", *["t,{},PWM,{},Enc1,{}".format(*r.split(",")) for r in PLAIN]],
             {"skip_lines": 1, "header": ["(t)", "t", "(PWM)", "PWM", "(Enc1)", "Enc1"]}, ["t", "PWM", "Enc1"],
         ),
     ],

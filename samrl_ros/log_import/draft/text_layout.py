@@ -154,7 +154,7 @@ def _mended_names(line: str, rows: Sequence[str], delimiter: str, width: int) ->
             return []  # a title
         raise InputError(
             f"the line of names has {len(cells)} ({', '.join(cells[:3])}, ...), the rows below it hold"
-            f" {width} numbers: which number has which name is not told. Correct that line, or list the names in a"
+            f" {width} numbers: which number has which name is open. Correct that line, or list them in a"
             f" mapping as csv: {{header: [...], skip_lines: ...}}, {width} of them"
         )
     return [

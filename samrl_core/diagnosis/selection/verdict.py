@@ -38,6 +38,7 @@ class VerdictSettings:
     all: float = 0.02  # all but this share, on fitted and on held-out recordings
     hardly: float = 0.9  # share of the excess left beyond which it must shrink by `half`
     half: float = 0.5
+    noticed: float = 0.05  # simulated shrink below which unseen recordings do not show an effect
     no_gap: float = 250.0  # [nat] excess without any effect above threshold that still counts as no gap
 
 
@@ -64,6 +65,16 @@ def decide(
     if selection.chosen is None:
         return _without_a_cause(selection, settings)
     first = named[0]
+    if _shows_nowhere(selection, far, settings):
+        assert far.gap is not None and far.gap.shrink is not None
+        return Decision(
+            "no_gap",
+            (
+                "recordings never fitted hold nothing beyond sensor noise and the stated tolerances",
+                f"{first.name} gains {selection.chosen.log_evidence:.0f} of log evidence on the fitted ones,"
+                f" and shrinks the gap on the others by {far.gap.shrink:.0%}: less than noise can pass for",
+            ),
+        )
     much_left = _much_left(selection, first, settings)
     denials = _denials(selection, far, settings)
     refusals = [*denials, *_no_limit(selection, first, far, settings), *alarms]
@@ -83,6 +94,24 @@ def decide(
     if tie is not None:
         return Decision("ambiguous", (*reasons, tie.reason), tie.names)
     return Decision("effect", (*reasons, *_why_named(selection, first, runner_ups, far)))
+
+
+def _shows_nowhere(selection: Selection, far: HowFar, settings: VerdictSettings) -> bool:
+    """Whether what was chosen on fitted recordings leaves no trace on the others, in residual or in motion.
+
+    Noise that a regressor shares with the residual (errors in variables; Soderstrom 2007) wins some evidence,
+    as does one machine of many by chance. What wins more by far may be there and not have happened again.
+    """
+    gap, chosen = far.gap, selection.chosen
+    if gap is None or gap.shrink is None or gap.shrink >= settings.noticed or chosen is None:
+        return False
+    if any(h.effect.by_chance for h in chosen.hypotheses):
+        return False  # what strikes by chance need not strike again
+    return (
+        selection.held_out_excess < settings.shown
+        and selection.excess < settings.no_gap
+        and chosen.log_evidence < settings.clearly * selection.threshold
+    )
 
 
 def _without_a_cause(selection: Selection, settings: VerdictSettings) -> Decision:

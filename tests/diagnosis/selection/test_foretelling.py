@@ -91,3 +91,31 @@ def test_what_makes_the_held_out_gap_grow_for_sure_is_not_named(
     outcome = decide(selection, [first], [], [], HowFar(gap, ()), VerdictSettings())
     assert outcome.verdict == verdict
     assert outcome.contradicted is (verdict == "none_of_mine")
+
+
+@pytest.mark.parametrize(
+    ("changes", "verdict"),
+    [
+        ({}, "no_gap"),
+        ({"shrink": 0.2}, "effect"),  # seen in motion
+        ({"there": 30.0}, "effect"),  # seen in residuals
+        ({"gains": 400.0}, "effect"),  # there, and not again
+        ({"by_chance": True}, "effect"),
+    ],
+    ids=["nowhere", "motion", "residual", "sure", "chance"],
+)
+def test_what_unseen_recordings_show_nowhere_is_no_effect(changes: dict, verdict: str) -> None:
+    """A gantry with nothing wrong had 51 nat of a residual that was noise, and 1 % of the gap."""
+    given = {"shrink": 0.01, "there": 0.0, "gains": 51.0, "by_chance": False, **changes}
+    effect = SimpleNamespace(limits_motion=False, by_chance=given["by_chance"])
+    fit = SimpleNamespace(hypotheses=(SimpleNamespace(effect=effect),), log_evidence=given["gains"])
+    first = cast("NamedEffect", SimpleNamespace(name="a@joint:x", probability=1.0, gain=given["gains"]))
+    shrink = given["shrink"]
+    interval = (shrink - 0.05, shrink + 0.05)
+    gap = HeldOutGap("", "1", 0.5, 0.5 * (1.0 - shrink), None, None, shrink, interval, None, (), ())
+    selection = replace(
+        chosen_from([cast("Fit", fit)]), rivals=(), excess=0.0, remaining=0.0,
+        held_out_excess=given["there"], held_out_remaining=0.0,
+    )  # fmt: skip
+    outcome = decide(selection, [first], [], [], HowFar(gap, ()), VerdictSettings())
+    assert outcome.verdict == verdict

@@ -20,7 +20,6 @@ import numpy as np
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.common.files import write_whole
 from samrl_core.diagnosis.effects.effect import Effect
-from samrl_core.diagnosis.residuals.equations import scale_speeds
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.trial import Trial
@@ -31,7 +30,7 @@ from samrl_core.diagnosis.simulation.loop_model import LoopModel
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
 
 QUANTILE = 0.98
-VERSION = 2  # of what is computed; part of the cache's key
+VERSION = 3  # of what is computed; part of the cache's key
 
 
 def simulate_null_evidence(
@@ -68,6 +67,8 @@ def best_log_evidence(
 ) -> float:
     """Largest log evidence of any effect at any place in recordings made like those of the trials."""
     made = [Trial(r, t.rigid, t.motion.start_s) for r, t in zip(recordings, trials, strict=True)]
+    for trial in made:
+        trial.share_ranges(made)  # searched as widely as what was recorded
     likelihood = Likelihood(made)
     evidence = Evidence(likelihood, max(2.0, likelihood.correlation_time(likelihood.y)) ** 0.5)
     return max((evidence.fit([h]).log_evidence for h in evidence.screen(effects)), default=0.0)
@@ -107,7 +108,9 @@ def simulate_null_recordings(
         effort = None
         if motion.raw_effort is not None:
             effort = run.effort[0] + noise.effort * rng.standard_normal(position.shape)
-        states = JointSignal(run.time, reading, speed, None, effort)
+        # A speed that nobody logs is differenced from positions here as it is there.
+        logged = None if motion.raw_velocity is None else speed
+        states = JointSignal(run.time, reading, logged, None, effort)
         recorded = trial.recording.commanded_effort is not None
         if controller.law.open_loop:
             sent = run.commanded_effort[0]  # what was put in
@@ -145,7 +148,6 @@ def sample_plant(trial: Trial, rng: np.random.Generator) -> PlantParameters:
         # Along the nominal inertia, so that it stays one that a body can have.
         delta[link, 4:] += p[4:] * tolerances.inertia * rng.uniform(-1, 1)
     scale = trial.scale
-    speed = scale_speeds(rigid, trial.motion)
     tilt = tolerances.base_tilt * rng.uniform(-1, 1, size=2)
     gravity = rigid.gravity_vector
     return PlantParameters(
@@ -153,7 +155,7 @@ def sample_plant(trial: Trial, rng: np.random.Generator) -> PlantParameters:
         torque_offset=within(tolerances.torque_offset, scale),
         sensor_bias=within(tolerances.torque_offset, scale),
         coulomb=np.abs(within(tolerances.coulomb_friction, scale)),
-        viscous=np.abs(within(tolerances.viscous_friction, scale / speed)),
+        viscous=np.abs(within(tolerances.viscous_friction, scale / trial.speed_scale)),
         rotor_inertia=within(tolerances.armature, trial.rotor),
         gravity=gravity - np.cross(np.array([tilt[0], tilt[1], 0.0]), gravity),
     )

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from samrl_core.cell.types.body_recording import BodyRecording, BodyTolerances, BodyTrack
 from samrl_core.common.errors import InputError
-from samrl_core.diagnosis.kinds.bodies import SEVERAL
+from samrl_core.diagnosis.kinds.bodies.body_tracks import SEVERAL
 from samrl_core.diagnosis.residuals.bodies.find_segments import find_segments
 from samrl_ros.log_import.body_specs import TURNS, BodyRecordingSpec, BodyTrackSpec
 from samrl_ros.log_import.formats.rosbag import is_bag

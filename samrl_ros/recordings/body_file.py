@@ -11,7 +11,7 @@ import numpy as np
 
 from samrl_core.cell.types.body_recording import BodyModel, BodyRecording, BodyTolerances, BodyTrack, Support
 from samrl_core.common.errors import InputError
-from samrl_core.diagnosis.kinds.bodies import split_bodies
+from samrl_core.diagnosis.kinds.bodies.body_tracks import split_bodies
 from samrl_ros.recordings.arrays_by_role import (
     check_unseen,
     read_by_role,

@@ -13,7 +13,7 @@ from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.robots.robot import ROLES
 from samrl_core.cell.types.image_recording import ImageRecording, ImageTolerances
 from samrl_core.common.errors import InputError
-from samrl_core.diagnosis.kinds.images import split_images
+from samrl_core.diagnosis.kinds.images.images import split_images
 from samrl_ros.bags.decode import decode
 from samrl_ros.bags.reader import Bag, open_bag
 from samrl_ros.bags.recorder import header_stamp_ns

@@ -12,7 +12,7 @@ import numpy as np
 from samrl_core.cell.types.pose import Pose
 from samrl_core.cell.types.pose_recording import ArmPoses, PoseRecording, PoseTolerances, PoseTrack
 from samrl_core.common.errors import InputError
-from samrl_core.diagnosis.kinds.poses import LEAST_AT_REST, split_poses
+from samrl_core.diagnosis.kinds.poses.poses import LEAST_AT_REST, split_poses
 from samrl_ros.recordings.arrays_by_role import (
     check_unseen,
     read_by_role,

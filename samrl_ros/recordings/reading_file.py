@@ -10,7 +10,7 @@ import numpy as np
 
 from samrl_core.cell.types.reading_recording import ReadingRecording, ReadingTolerances
 from samrl_core.common.errors import InputError
-from samrl_core.diagnosis.kinds.readings import split_readings
+from samrl_core.diagnosis.kinds.readings.readings import split_readings
 from samrl_ros.recordings.arrays_by_role import (
     check_unseen,
     read_by_role,

@@ -12,11 +12,11 @@ from samrl_core.cell.types.pose_recording import PoseRecording
 from samrl_core.cell.types.reading_recording import ReadingRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.kinds.arms import Arms
-from samrl_core.diagnosis.kinds.bodies import BodyTracks
-from samrl_core.diagnosis.kinds.images import Images
+from samrl_core.diagnosis.kinds.bodies.body_tracks import BodyTracks
+from samrl_core.diagnosis.kinds.images.images import Images
 from samrl_core.diagnosis.kinds.kind import Kind, Recording
-from samrl_core.diagnosis.kinds.poses import Poses
-from samrl_core.diagnosis.kinds.readings import Readings
+from samrl_core.diagnosis.kinds.poses.poses import Poses
+from samrl_core.diagnosis.kinds.readings.readings import Readings
 
 KINDS: dict[type, Kind[Any]] = {
     ArmRecording: Arms(),

@@ -11,18 +11,18 @@ import warp as wp
 
 from samrl_core.cell.types.arm_recording import JointSignal
 from samrl_core.common.errors import InputError
-from samrl_core.diagnosis.simulation.adjoint_kernels import (
+from samrl_core.diagnosis.simulation.closed_loop import ClosedLoop, DivergenceError, Rollouts
+from samrl_core.diagnosis.simulation.kernels.adjoint_kernels import (
     before_kernel,
     lambda_kernel,
     power_kernel,
     repeat_kernel,
     update_kernel,
 )
-from samrl_core.diagnosis.simulation.closed_loop import ClosedLoop, DivergenceError, Rollouts
+from samrl_core.diagnosis.simulation.kernels.rigid_kernels import RigidMotion
 from samrl_core.diagnosis.simulation.loop_model import interpolation
 from samrl_core.diagnosis.simulation.plant_arrays import unpack_gradient
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
-from samrl_core.diagnosis.simulation.rigid_kernels import RigidMotion
 from samrl_core.diagnosis.simulation.simulation import Simulation
 from samrl_core.diagnosis.simulation.simulation_arrays import Arrays, F, Mat3, P, S, Vec3
 

@@ -12,10 +12,10 @@ import warp as wp
 from samrl_core.cell.types.arm_recording import JointSignal
 from samrl_core.common.errors import InputError
 from samrl_core.common.warp_runtime import start as start_warp
+from samrl_core.diagnosis.simulation.kernels.rollout_kernels import bias_kernel, rollout_kernel
 from samrl_core.diagnosis.simulation.loop_model import LoopModel, sampled
 from samrl_core.diagnosis.simulation.plant_arrays import pack
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
-from samrl_core.diagnosis.simulation.rollout_kernels import bias_kernel, rollout_kernel
 from samrl_core.diagnosis.simulation.simulation_arrays import Arrays, Bodies, F, H, Mat3, P, S, Vec3
 
 

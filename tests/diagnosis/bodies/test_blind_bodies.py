@@ -7,7 +7,7 @@ from collections import Counter
 import pytest
 
 from samrl_core.diagnosis.diagnose import diagnose
-from samrl_core.diagnosis.kinds.bodies import split_bodies
+from samrl_core.diagnosis.kinds.bodies.body_tracks import split_bodies
 from samrl_core.diagnosis.result import Diagnosis
 from tests.diagnosis.bodies.blind_bodies import SHOWN, UNKNOWN, Case, draw, right
 

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from samrl_core.cell.types.body_recording import BodyModel, BodyRecording, BodyTolerances, BodyTrack, Support
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
-from samrl_core.diagnosis.kinds.bodies import split_bodies, split_body
+from samrl_core.diagnosis.kinds.bodies.body_tracks import split_bodies, split_body
 from samrl_core.diagnosis.residuals.bodies.find_segments import find_segments
 from samrl_core.diagnosis.residuals.bodies.free_rotation import free_rotation
 from samrl_core.diagnosis.residuals.bodies.phase_search import find_phases

@@ -13,7 +13,7 @@ from samrl_core.cell.calibration.cell_correction import read_correction
 from samrl_core.cell.types.camera import Intrinsics
 from samrl_core.diagnosis.effects import IMAGE_EFFECTS
 from samrl_core.diagnosis.export.recalibration import write_recalibration
-from samrl_core.diagnosis.kinds.image_corrections import recalibration
+from samrl_core.diagnosis.kinds.images.image_corrections import recalibration
 from samrl_core.diagnosis.result import Diagnosis
 from samrl_ros.cli.diagnosis.apply import apply
 

@@ -17,8 +17,8 @@ from samrl_core.diagnosis.effects.images.base_to_base import EFFECT as BASE
 from samrl_core.diagnosis.effects.images.depth_scale import EFFECT as DEPTH_SCALE
 from samrl_core.diagnosis.effects.images.encoder_offset import EFFECT as ZERO
 from samrl_core.diagnosis.effects.images.hand_eye import EFFECT as HAND_EYE
-from samrl_core.diagnosis.kinds.images import Images, split_images
-from samrl_core.diagnosis.kinds.next_images import next_images
+from samrl_core.diagnosis.kinds.images.images import Images, split_images
+from samrl_core.diagnosis.kinds.images.next_images import next_images
 from samrl_core.diagnosis.residuals.images.frames import chosen_frames, compared_size
 from samrl_core.diagnosis.residuals.images.image_trial import DEPTH_NOISE_PER_Z2, prepared
 from samrl_core.diagnosis.residuals.images.object_pose import solved_object

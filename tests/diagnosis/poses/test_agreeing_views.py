@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from samrl_core.cell.types.pose_recording import PoseRecording, PoseTrack
-from samrl_core.diagnosis.kinds.poses import Poses
+from samrl_core.diagnosis.kinds.poses.poses import Poses
 from samrl_core.diagnosis.residuals.poses.solve import closing_error
 from tests.diagnosis.poses.pose_worlds import PoseWorld, record
 

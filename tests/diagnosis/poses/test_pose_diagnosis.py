@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from samrl_core.cell.types.pose_recording import PoseRecording, PoseTrack
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
-from samrl_core.diagnosis.kinds.poses import Poses, split_poses
+from samrl_core.diagnosis.kinds.poses.poses import Poses, split_poses
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.poses import rigid
 from samrl_core.diagnosis.residuals.poses.noise import growth_power, leftover

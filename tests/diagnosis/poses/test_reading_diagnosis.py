@@ -11,7 +11,7 @@ from samrl_core.cell.types.reading_recording import ReadingRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.diagnose import diagnose
 from samrl_core.diagnosis.export.recalibration import Recalibration
-from samrl_core.diagnosis.kinds.readings import split_readings
+from samrl_core.diagnosis.kinds.readings.readings import split_readings
 from samrl_core.diagnosis.result import Diagnosis
 from samrl_ros.log_import.formulas import evaluate
 

@@ -16,7 +16,7 @@ from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.types.pose_recording import PoseRecording
 from samrl_core.diagnosis.diagnose import diagnose
 from samrl_core.diagnosis.export.recalibration import Recalibration, write_recalibration
-from samrl_core.diagnosis.kinds.poses import split_poses
+from samrl_core.diagnosis.kinds.poses.poses import split_poses
 from samrl_core.diagnosis.residuals.poses import rigid
 from samrl_core.diagnosis.result import Diagnosis
 from samrl_ros.cli.main import run

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from samrl_core.diagnosis.effects import POSE_EFFECTS
-from samrl_core.diagnosis.kinds.poses import Poses, split_poses
+from samrl_core.diagnosis.kinds.poses.poses import Poses, split_poses
 from samrl_core.diagnosis.report import words
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.tolerances import recording_columns, tolerance_columns

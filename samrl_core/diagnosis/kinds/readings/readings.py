@@ -14,7 +14,7 @@ from samrl_core.diagnosis.effects import READING_EFFECTS
 from samrl_core.diagnosis.export.recalibration import Recalibration
 from samrl_core.diagnosis.findings.discrimination import FILE, discrimination, find_rivals, separation
 from samrl_core.diagnosis.kinds.kind import Kind
-from samrl_core.diagnosis.kinds.reading_corrections import reading_recalibration
+from samrl_core.diagnosis.kinds.readings.reading_corrections import reading_recalibration
 from samrl_core.diagnosis.recordings.held_out import SHARE
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import warp as wp
 
-from samrl_core.diagnosis.simulation.drive_kernels import before_solve, diverged, update
-from samrl_core.diagnosis.simulation.rigid_kernels import bias_and_matrix, solve
+from samrl_core.diagnosis.simulation.kernels.drive_kernels import before_solve, diverged, update
+from samrl_core.diagnosis.simulation.kernels.rigid_kernels import bias_and_matrix, solve
 from samrl_core.diagnosis.simulation.simulation_arrays import Arrays, Bodies, f64
 
 wp.set_module_options({"enable_backward": False})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from samrl_core.diagnosis.simulation.kernel_slots import (
+from samrl_core.diagnosis.simulation.kernels.kernel_slots import (
     BRISTLED,
     FRICTION_WAVE,
     ONE,

@@ -13,8 +13,8 @@ from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.effects import POSE_EFFECTS
 from samrl_core.diagnosis.export.recalibration import Recalibration
 from samrl_core.diagnosis.kinds.kind import Kind
-from samrl_core.diagnosis.kinds.next_views import next_views
-from samrl_core.diagnosis.kinds.pose_corrections import recalibration
+from samrl_core.diagnosis.kinds.poses.next_views import next_views
+from samrl_core.diagnosis.kinds.poses.pose_corrections import recalibration
 from samrl_core.diagnosis.recordings.held_out import GAP_S, SHARE
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed

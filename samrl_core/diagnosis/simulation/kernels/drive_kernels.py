@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import warp as wp
 
-from samrl_core.diagnosis.simulation.control_kernels import control, measure, past
-from samrl_core.diagnosis.simulation.friction_kernels import friction, spring_blend
-from samrl_core.diagnosis.simulation.kernel_slots import (
+from samrl_core.diagnosis.simulation.kernels.control_kernels import control, measure, past
+from samrl_core.diagnosis.simulation.kernels.friction_kernels import friction, spring_blend
+from samrl_core.diagnosis.simulation.kernels.kernel_slots import (
     BRISTLED,
     CABLE_SLIP,
     CABLED,
@@ -88,7 +88,7 @@ from samrl_core.diagnosis.simulation.kernel_slots import (
     TORQUE_WAVE,
     ZERO,
 )
-from samrl_core.diagnosis.simulation.rigid_kernels import gravity_torque
+from samrl_core.diagnosis.simulation.kernels.rigid_kernels import gravity_torque
 from samrl_core.diagnosis.simulation.simulation_arrays import Arrays, f64
 
 

@@ -12,10 +12,10 @@ from samrl_core.cell.types.image_recording import LEAST_FRAMES, ImageRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.effects import IMAGE_EFFECTS, Effect
 from samrl_core.diagnosis.export.recalibration import Recalibration
-from samrl_core.diagnosis.kinds.image_corrections import recalibration
-from samrl_core.diagnosis.kinds.image_suspects import image_suspicions
+from samrl_core.diagnosis.kinds.images.image_corrections import recalibration
+from samrl_core.diagnosis.kinds.images.image_suspects import image_suspicions
+from samrl_core.diagnosis.kinds.images.next_images import next_images
 from samrl_core.diagnosis.kinds.kind import Kind
-from samrl_core.diagnosis.kinds.next_images import next_images
 from samrl_core.diagnosis.residuals.images.image_trial import ImageTrial, prepared
 from samrl_core.diagnosis.residuals.images.least_deviations import least_deviations
 from samrl_core.diagnosis.residuals.likelihood import Likelihood

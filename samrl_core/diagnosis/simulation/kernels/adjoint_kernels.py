@@ -9,8 +9,13 @@ from __future__ import annotations
 
 import warp as wp
 
-from samrl_core.diagnosis.simulation.drive_kernels import before_solve, update
-from samrl_core.diagnosis.simulation.rigid_kernels import RigidMotion, back_substitute, solve, virtual_power
+from samrl_core.diagnosis.simulation.kernels.drive_kernels import before_solve, update
+from samrl_core.diagnosis.simulation.kernels.rigid_kernels import (
+    RigidMotion,
+    back_substitute,
+    solve,
+    virtual_power,
+)
 from samrl_core.diagnosis.simulation.simulation_arrays import Arrays, Bodies, H, f64
 
 TAU = wp.constant(int(H.TAU))

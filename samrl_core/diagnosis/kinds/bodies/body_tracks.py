@@ -11,9 +11,9 @@ import numpy as np
 from samrl_core.cell.types.body_recording import BodyRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.effects import BODY_EFFECTS
-from samrl_core.diagnosis.kinds.body_suspects import suspicions
+from samrl_core.diagnosis.kinds.bodies.body_suspects import suspicions
+from samrl_core.diagnosis.kinds.bodies.next_bodies import next_bodies
 from samrl_core.diagnosis.kinds.kind import Kind
-from samrl_core.diagnosis.kinds.next_bodies import next_bodies
 from samrl_core.diagnosis.residuals.bodies.body_trial import BodyTrial, body_trials, channels_of
 from samrl_core.diagnosis.residuals.bodies.constants import solved
 from samrl_core.diagnosis.residuals.bodies.find_segments import Found, find_segments

@@ -19,8 +19,6 @@ from samrl_core.diagnosis.residuals.control_law import (
     LawTerms,
     held_values,
     law_terms,
-    position_error,
-    squared_rounding_error,
 )
 from samrl_core.diagnosis.residuals.signal_band import SignalBand, held_on_grid, onto_grid
 from samrl_core.diagnosis.residuals.signal_noise import (
@@ -230,20 +228,6 @@ class RecordedMotion(SignalBand):
             return own - other
         limit = self.limit()
         return np.clip(own, -limit, limit) - np.clip(other, -limit, limit)
-
-    @cached_property
-    def rounding_variance(self) -> np.ndarray:
-        """Squared error (F, J) of the law's torque at the edges of dead bands by rounded readings."""
-        controller, command, read = self.controller, self.command, self.raw_position
-        assert (
-            controller is not None
-            and command is not None
-            and command.position is not None
-            and read is not None
-        )
-        wide = replace(controller, law=replace(controller.law, dead_band=0.0))
-        error = position_error(wide, command.position, read)
-        return squared_rounding_error(controller, error, quantum(read))
 
     @cached_property
     def _without_steps(self) -> ArmController | None:

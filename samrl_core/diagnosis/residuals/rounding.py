@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from samrl_core.diagnosis.residuals.control_law import position_error, squared_rounding_error
 from samrl_core.diagnosis.residuals.motion import RecordedMotion
 from samrl_core.diagnosis.residuals.signal_noise import quantum, sample_detail
 
@@ -30,18 +33,25 @@ def widen_where_held(sigma: np.ndarray, motion: RecordedMotion, rounded: np.ndar
     """
     if not np.any(rounded > 0):
         return sigma
-    read = motion.raw_position
-    assert read is not None
-    held = np.diff(read, axis=0, prepend=np.nan) == 0.0
-    found = motion.reduce_variance(np.broadcast_to(rounded**2, read.shape), held)
+    kept = _kept(motion)
+    found = motion.reduce_variance(np.broadcast_to(rounded**2, kept.shape), kept)
     return np.hypot(sigma, np.sqrt(np.maximum(found - motion.band_share * rounded**2, 0.0)))
 
 
 def widen_at_edges(sigma: np.ndarray, motion: RecordedMotion) -> np.ndarray:
     """Noise (N, J) of a law's torque, larger where readings may lie on either side of a dead band's edge."""
-    variance = motion.rounding_variance
+    controller, command, read = motion.controller, motion.command, motion.raw_position
+    assert controller is not None and command is not None and read is not None
+    assert command.position is not None
+    wide = replace(controller, law=replace(controller.law, dead_band=0.0))
+    error = position_error(wide, command.position, read)
+    variance = squared_rounding_error(controller, error, quantum(read))
     if not np.any(variance > 0):
         return sigma
-    assert motion.raw_position is not None  # the law read it
-    held = np.diff(motion.raw_position, axis=0, prepend=np.nan) == 0.0
-    return np.hypot(sigma, np.sqrt(motion.reduce_variance(variance, held)))
+    return np.hypot(sigma, np.sqrt(motion.reduce_variance(variance, _kept(motion))))
+
+
+def _kept(motion: RecordedMotion) -> np.ndarray:
+    """(F, J) whether a reading is that of the sample before."""
+    assert motion.raw_position is not None
+    return np.diff(motion.raw_position, axis=0, prepend=np.nan) == 0.0

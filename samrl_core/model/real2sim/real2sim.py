@@ -49,6 +49,17 @@ class Estimate:
     loss_known: float = float("nan")
 
 
+@dataclass(frozen=True, eq=False)
+class _SeenTarget:
+    """The target in one image, and what it is compared with."""
+
+    stamp_ns: int
+    renderer: TargetRenderer
+    real: RealTarget
+    misfit: Misfit
+    before: Losses  # at the parameters believed so far
+
+
 @dataclass(frozen=True)
 class Real2SimSettings:
     """Weights of the losses, noise and step control."""
@@ -171,10 +182,10 @@ class Real2Sim:
             )
         misfit = Misfit(renderer, real, s.color_weight, s.emd_weight)
         before = misfit.losses(estimate.values, estimate.colors)
-        known = (estimate, observation.stamp_ns, renderer, real, misfit, before)
+        seen = _SeenTarget(observation.stamp_ns, renderer, real, misfit, before)
         if self._together:
-            return self._update_together(*known, watch, compared)
-        return self._update_apart(*known, compared)
+            return self._update_together(estimate, seen, watch, compared)
+        return self._update_apart(estimate, seen, compared)
 
     def _update_parts(
         self,
@@ -214,18 +225,9 @@ class Real2Sim:
             losses = (before, before, before.total)
         return _estimate(estimate, observation.stamp_ns, found, losses, fit.evaluations, fit.why_stopped)
 
-    def _update_apart(
-        self,
-        estimate: Estimate,
-        stamp_ns: int,
-        renderer: TargetRenderer,
-        real: RealTarget,
-        misfit: Misfit,
-        before: Losses,
-        compared: bool,
-    ) -> Estimate:
+    def _update_apart(self, estimate: Estimate, seen: _SeenTarget, compared: bool) -> Estimate:
         """`update` of a position, each coordinate with a step size of its own."""
-        s = self._settings
+        s, misfit, renderer, before = self._settings, seen.misfit, seen.renderer, seen.before
         start, coarse_evaluations = estimate.values, 0
         cold = before.emd > s.coarse_above
         if cold:
@@ -237,7 +239,7 @@ class Real2Sim:
         if fit.why_stopped == "diverged":
             kept = (estimate.values, estimate.covariance, estimate.colors, estimate.color_variance)
             losses = (before, before, before.total)
-            return _estimate(estimate, stamp_ns, kept, losses, evaluations, "diverged")
+            return _estimate(estimate, seen.stamp_ns, kept, losses, evaluations, "diverged")
         fitted, colors = fit.parameters[:count], fit.parameters[count:].reshape(-1, 3)
 
         def view_at(values: np.ndarray) -> ViewInformation:
@@ -246,7 +248,7 @@ class Real2Sim:
 
         view = view_at(fitted)
         for _ in range(s.polish):
-            change = newton_step(view, real.image)
+            change = newton_step(view, seen.real.image)
             if not np.all(np.abs(change) < s.polish_limit * self._scale):
                 break  # too far for the linear model: the descent's answer stands
             fitted = np.clip(fitted + change, self._lower, self._upper)
@@ -261,26 +263,23 @@ class Real2Sim:
         loss_known = misfit.losses(values, estimate.colors).total if compared else float("nan")
         losses = (before, misfit.losses(values, colors), loss_known)
         belief = (values, covariance, colors, color_variance)
-        return _estimate(estimate, stamp_ns, belief, losses, evaluations, fit.why_stopped)
+        return _estimate(estimate, seen.stamp_ns, belief, losses, evaluations, fit.why_stopped)
 
     def _update_together(
         self,
         estimate: Estimate,
-        stamp_ns: int,
-        renderer: TargetRenderer,
-        real: RealTarget,
-        misfit: Misfit,
-        before: Losses,
+        seen: _SeenTarget,
         watch: Callable[[np.ndarray], None] | None,
         compared: bool,
     ) -> Estimate:
-        s = self._settings
+        """`update` of a pose, or of all parameters that act together."""
+        s, misfit, renderer, before = self._settings, seen.misfit, seen.renderer, seen.before
         drifts = self._moves if self._sized else np.ones_like(self._moves)
         belief = estimate.covariance + np.diag(np.where(drifts, s.motion * self._scale, s.drift) ** 2)
         fit = fit_pose(
-            renderer, real, misfit, estimate.values, estimate.colors, belief, s.noise, s.pose, watch
+            renderer, seen.real, misfit, estimate.values, estimate.colors, belief, s.noise, s.pose, watch
         )
-        fit, loss_known = self._right_face(fit, estimate.colors, renderer, real, misfit, belief, compared)
+        fit, loss_known = self._right_face(fit, estimate.colors, seen, belief, compared)
         pixels = renderer.group_pixels(fit.values, fit.colors)
         known = (estimate.colors, estimate.color_variance)
         colors, color_variance = fused_colors(*known, fit.colors, pixels, s.noise, s.color_floor)
@@ -297,23 +296,16 @@ class Real2Sim:
         if why == "diverged" or after.farther_than(before, s.worse):
             found = (estimate.values, belief, estimate.colors, estimate.color_variance)
             losses, why = (before, before, before.total), "diverged"
-        return _estimate(estimate, stamp_ns, found, losses, fit.evaluations, why)
+        return _estimate(estimate, seen.stamp_ns, found, losses, fit.evaluations, why)
 
     def _right_face(
-        self,
-        fit: PoseFit,
-        colors: np.ndarray,
-        renderer: TargetRenderer,
-        real: RealTarget,
-        misfit: Misfit,
-        belief: np.ndarray,
-        compared: bool,
+        self, fit: PoseFit, colors: np.ndarray, seen: _SeenTarget, belief: np.ndarray, compared: bool
     ) -> tuple[PoseFit, float]:
         """The fit, or that of a look-alike which the colours known before speak for, and its eq. 6 with them.
 
         A fit that took the wrong face of a disc paints it in the other's colour, and would be right for ever.
         """
-        s = self._settings
+        s, misfit = self._settings, seen.misfit
         look_alikes = self._model.task.look_alikes(fit.values)
         if not (compared or look_alikes):
             return fit, float("nan")
@@ -321,7 +313,7 @@ class Real2Sim:
         for values in look_alikes:
             least = s.other_face * loss
             if misfit.losses(values, colors).total < least:
-                other = fit_pose(renderer, real, misfit, values, colors, belief, s.noise, s.pose)
+                other = fit_pose(seen.renderer, seen.real, misfit, values, colors, belief, s.noise, s.pose)
                 found = misfit.losses(other.values, colors).total
                 if found < least:
                     fit, loss = replace(other, evaluations=fit.evaluations + other.evaluations), found

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from samrl_core.diagnosis.export.correction import Correction
 from samrl_core.diagnosis.export.recalibration import Recalibration
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
+from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.result import HeldOutGap, Overlay
 from samrl_core.diagnosis.selection.contenders import MOTION
 from samrl_core.diagnosis.selection.forward_windows import WINDOW_S
@@ -77,25 +78,16 @@ def _simulated(held_out: Likelihood, selection: Selection, rng: np.random.Genera
     """Re-simulation; None where an effect has no simulation or diverges."""
     chosen = selection.chosen
     trials = [t for t in held_out.trials if resimulable(t)]
-    first = trials[0]
-    plants = {"nominal": PlantParameters()}
-    runner_up = None
-    if chosen is not None:
-        named = plant_of(first, chosen)
-        if named is None:
-            return None
-        plants["with_effect"] = named
-        for rival in selection.rivals:
-            other = plant_of(first, rival)
-            if other is not None and rival.hypotheses[0].effect.family != chosen.hypotheses[0].effect.family:
-                plants["runner_up"], runner_up = other, rival.hypotheses[0].name
-                break
-        for size in SIZES:
-            scaled = plant_of(first, _scaled(chosen, size))
-            if size != 1.0 and scaled is not None:
-                plants[f"size {size}"] = scaled
+    runner_up = _simulated_rival(trials[0], selection)
+    made = [_plants(trial, selection, runner_up) for trial in trials]
+    plants = [name for name in made[0] if all(name in others for others in made)]
+    if chosen is not None and "with_effect" not in plants:
+        return None
     onset = None if chosen is None else begins(chosen)
-    runs = tuple(resimulate(trial, plants, onset) for trial in trials)
+    runs = tuple(
+        resimulate(trial, {name: own[name] for name in plants}, onset)
+        for trial, own in zip(trials, made, strict=True)
+    )
     nominal = gap(runs, "nominal")
     if not np.isfinite(nominal):
         return None
@@ -110,19 +102,41 @@ def _simulated(held_out: Likelihood, selection: Selection, rng: np.random.Genera
     way = "closed-loop re-simulation" if closed else f"simulation forward over windows of {WINDOW_S:g} s"
     held = HeldOutGap(
         f"{way}, RMS over joints and channels in tolerances",
-        "1", nominal, with_effect, other, runner_up if other is not None else None, share,
+        "1", nominal, with_effect, other,
+        runner_up.hypotheses[0].name if runner_up is not None and other is not None else None, share,
         None if with_effect is None else shrink_interval(runs, "with_effect", rng),
         None if share is None or other is None else share - shrink(nominal, other),
         tuple(_channel(runs, q, "with_effect" in plants) for q in quantities),
         tuple(r.trial.recording.name for r in runs),
     )  # fmt: skip
     if chosen is None:
-        return HowFar(held, runs, _overlays(runs, plants))
+        return HowFar(held, runs, _overlays(runs))
     size, alarms = _size(runs, chosen, plants, share)
     if selection.held_out_unexplained < CONFIRMED and selection.unexplained < CONFIRMED:
         alarms = ()  # the torque of motions that were never fitted says more than a gap of many causes
     motion = shrink(gap(runs, "nominal", MOTION), gap(runs, "with_effect", MOTION))
-    return HowFar(held, runs, _overlays(runs, plants), alarms, motion=motion, size=size)
+    return HowFar(held, runs, _overlays(runs), alarms, motion=motion, size=size)
+
+
+def _simulated_rival(trial: Trial, selection: Selection) -> Fit | None:
+    """The first rival of another family that can be simulated."""
+    if selection.chosen is None:
+        return None
+    family = selection.chosen.hypotheses[0].effect.family
+    others = (r for r in selection.rivals if r.hypotheses[0].effect.family != family)
+    return next((r for r in others if plant_of(trial, r) is not None), None)
+
+
+def _plants(trial: Trial, selection: Selection, runner_up: Fit | None) -> dict[str, PlantParameters]:
+    """Plants by name, as they are in this recording: what drifts or warms has come further in a later one."""
+    chosen, found = selection.chosen, dict[str, PlantParameters | None]()
+    if chosen is not None:
+        found["with_effect"] = plant_of(trial, chosen)
+        found["runner_up"] = None if runner_up is None else plant_of(trial, runner_up)
+        found |= {f"size {size}": plant_of(trial, _scaled(chosen, size)) for size in SIZES if size != 1.0}
+    return {"nominal": PlantParameters()} | {
+        name: plant for name, plant in found.items() if plant is not None
+    }
 
 
 def _scaled(fit: Fit, size: float) -> Fit:
@@ -136,7 +150,7 @@ def _scaled(fit: Fit, size: float) -> Fit:
 
 
 def _size(
-    runs: tuple[Resimulation, ...], chosen: Fit, plants: dict[str, PlantParameters], share: float | None
+    runs: tuple[Resimulation, ...], chosen: Fit, plants: Sequence[str], share: float | None
 ) -> tuple[float | None, tuple[str, ...]]:
     """Size that simulation prefers; regression must agree with it where simulation can see it."""
     if np.any(chosen.hypotheses[0].mean) or share is None or share < VISIBLE_SHRINK:
@@ -169,7 +183,7 @@ def _rms(runs: tuple[Resimulation, ...], plant: str, quantity: str) -> float:
     return float(np.sqrt(np.mean(np.concatenate(squares))))
 
 
-def _overlays(runs: tuple[Resimulation, ...], plants: dict[str, PlantParameters]) -> tuple[Overlay, ...]:
+def _overlays(runs: tuple[Resimulation, ...]) -> tuple[Overlay, ...]:
     """Signals in which the nominal model errs most."""
     scored = []
     for r, run in enumerate(runs):

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from functools import cache
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from samrl_core.diagnosis.effects import find_family
 from samrl_core.diagnosis.recordings import block
+from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.trial import Trial
+from samrl_core.diagnosis.selection.how_far import how_far
+from samrl_core.diagnosis.selection.hypothesis import Fit, hypothesis
 from tests.diagnosis import worlds
 from tests.diagnosis.cases import find_form
 from tests.diagnosis.worlds import BEND, LIFT
@@ -57,3 +62,22 @@ def test_a_drive_is_as_warm_as_it_has_become(form: str, ran: float) -> None:
     fields = found.plant_fields(second, shape, np.array([0.4, 0.6]))
     assert fields is not None
     assert np.asarray(fields["thermal_offset"])[LIFT] == pytest.approx(ran, abs=0.01)
+
+
+def test_each_held_out_recording_is_simulated_as_far_as_the_drift_has_come_there() -> None:
+    """Of two that are held out the second one began later: one plant is not that of both."""
+    trials = worlds.trials(worlds.record(worlds.plant(), "AAA", duration_s=2.0))
+    form = find_form(find_family(DRIFT), trials[0], "joint:bend", "drift")
+    likelihood = Likelihood(trials[:1])
+    drift = hypothesis(likelihood, find_family(DRIFT), form, {})
+    assert drift is not None
+    fit = Fit((drift,), (np.array([0.3, 0.05]),), np.eye(2), 100.0)
+    selection: Any = SimpleNamespace(
+        chosen=fit, rivals=(), unexplained=0.0, held_out_unexplained=0.0, correlation_time=2.0
+    )
+    found = how_far(Likelihood(trials[1:]), selection, True, np.random.default_rng(0))
+    biases = []
+    for run in found.resimulations:
+        efforts = [run.simulated[plant]["effort"] for plant in ("with_effect", "nominal")]
+        biases.append((efforts[0] - efforts[1])[0, BEND])
+    assert biases == pytest.approx([0.4, 0.5], abs=1e-3)

@@ -33,7 +33,7 @@ def widen_where_held(sigma: np.ndarray, motion: RecordedMotion, rounded: np.ndar
     """
     if not np.any(rounded > 0):
         return sigma
-    kept = _kept(motion)
+    kept = _find_kept(motion)
     found = motion.reduce_variance(np.broadcast_to(rounded**2, kept.shape), kept)
     return np.hypot(sigma, np.sqrt(np.maximum(found - motion.band_share * rounded**2, 0.0)))
 
@@ -48,10 +48,10 @@ def widen_at_edges(sigma: np.ndarray, motion: RecordedMotion) -> np.ndarray:
     variance = squared_rounding_error(controller, error, quantum(read))
     if not np.any(variance > 0):
         return sigma
-    return np.hypot(sigma, np.sqrt(motion.reduce_variance(variance, _kept(motion))))
+    return np.hypot(sigma, np.sqrt(motion.reduce_variance(variance, _find_kept(motion))))
 
 
-def _kept(motion: RecordedMotion) -> np.ndarray:
+def _find_kept(motion: RecordedMotion) -> np.ndarray:
     """(F, J) whether a reading is that of the sample before."""
     assert motion.raw_position is not None
     return np.diff(motion.raw_position, axis=0, prepend=np.nan) == 0.0

@@ -40,6 +40,12 @@ def test_a_drift_goes_on_in_the_next_part_of_a_recording() -> None:
     assert drift[1][-1] == pytest.approx(2.0 * BORDER_S, abs=lost)
 
 
+def test_a_term_that_a_form_lacks_is_not_said_to_be_zero() -> None:
+    """A gain of 0, with an interval of no width, was reported of a sensor that only its drift was fitted of."""
+    form = find_form(find_family(DRIFT), parts()[0], "joint:bend", "drift")
+    assert set(form.parameters(parts()[0], {}, np.array([0.3, 0.05]))) == {"b", "d"}
+
+
 def test_a_later_recording_is_simulated_from_where_the_drift_has_come() -> None:
     second = parts()[1]
     form = find_form(find_family(DRIFT), second, "joint:bend", "drift")

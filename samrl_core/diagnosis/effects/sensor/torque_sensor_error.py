@@ -86,14 +86,14 @@ class WrongReading(Form):
         return bool("g" not in self.amplitudes or abs(amplitudes[0]) < MOST_GAIN)
 
     def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
-        found = {"g": 0.0, "b": 0.0, "d": 0.0}
-        found |= dict(zip(self.amplitudes, amplitudes.tolist(), strict=True))
+        # A term that the form lacks is not known to be zero: nothing is said of it.
+        found = dict(zip(self.amplitudes, amplitudes.tolist(), strict=True))
         return found | ({"T": shape["T"]} if "T" in shape else {})
 
     def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
         if "w" in self.amplitudes:
             return None  # the simulated sensor knows no warm-up
-        found = self.parameters(trial, shape, amplitudes)
+        found = {"g": 0.0, "d": 0.0, **self.parameters(trial, shape, amplitudes)}
         drifted = found["d"] * trial.motion.start_s  # the simulated drift begins anew with each recording
         return {
             "sensor_gain": self.at_joints(trial, found["g"]),

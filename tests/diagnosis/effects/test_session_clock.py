@@ -41,7 +41,7 @@ def test_a_drift_goes_on_in_the_next_part_of_a_recording() -> None:
 
 
 def test_a_term_that_a_form_lacks_is_not_said_to_be_zero() -> None:
-    """A gain of 0, with an interval of no width, was reported of a sensor that only its drift was fitted of."""
+    """A gain of 0 with an interval of no width was reported where only a drift had been fitted."""
     form = find_form(find_family(DRIFT), parts()[0], "joint:bend", "drift")
     assert set(form.parameters(parts()[0], {}, np.array([0.3, 0.05]))) == {"b", "d"}
 

@@ -95,7 +95,8 @@ def compare_logs(real: ArmRecording, simulated: ArmRecording) -> Parting:
                 notes.append(f"{quantity} is in one log alone")
             continue
         for j, joint in enumerate(names):
-            channels.append(_channel(joint, quantity, a, b, j, order[j], grid, shift, step, phases[:, j]))
+            values = np.interp(grid, a[0], a[1][:, j]), np.interp(grid - shift, b[0], b[1][:, order[j]])
+            channels.append(_channel(joint, quantity, grid, *values, phases[:, j]))
     if most_shift is not None:
         notes.append(
             f"the clocks agree nowhere within {most_shift:.2g} s: the logs show other motions, or start"
@@ -182,19 +183,10 @@ def _command_error(
 
 
 def _channel(
-    joint: str,
-    quantity: str,
-    a: tuple[np.ndarray, np.ndarray],
-    b: tuple[np.ndarray, np.ndarray],
-    j: int,
-    k: int,
-    grid: np.ndarray,
-    shift: float,
-    step: float,
-    phases: np.ndarray,
+    joint: str, quantity: str, grid: np.ndarray, real: np.ndarray, simulated: np.ndarray, phases: np.ndarray
 ) -> PartedChannel:
-    real = np.interp(grid, a[0], a[1][:, j])
-    simulated = np.interp(grid - shift, b[0], b[1][:, k])
+    """One quantity of one joint, both logs (N,) on the machine's regular clock (N,)."""
+    step = float(grid[1] - grid[0])
     noise = float(
         np.hypot(white_noise(real[:, None], 1 / step)[0], white_noise(simulated[:, None], 1 / step)[0])
     )

@@ -9,15 +9,16 @@ from dataclasses import dataclass
 
 SLOT = "{}"  # where the joint stands in a stem
 _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|\{\}")
+_TORQUE_UNIT = re.compile(r"(?<![A-Za-z])([mkc]?)N[ ._*-]?(mm|cm|m)(?![A-Za-z])")  # mNm is no m and Nm
 _NUMBER = re.compile(r"\d+")
 _ELECTRIC = re.compile(r"(?:[\[(]|_)(m?[VA])(?:[\])]|$)")  # unit of a motor's input at the end of a name
 
 QUANTITIES = {
     "position": "q pos position positions qpos theta angle angles rad deg counts encoder enc tick ticks"
     " winkel",
-    "velocity": "dq dtheta qdot qvel vel velocity velocities speed speeds omega rpm drehzahl",
+    "velocity": "dq dtheta qdot qvel vel velocity velocities speed speeds omega rpm dps drehzahl",
     "acceleration": "ddq ddtheta qddot acc accel acceleration accelerations",
-    "effort": "tau torque torques effort efforts moment force forces nm drehmoment kraft",
+    "effort": "tau torque torques effort efforts moment force forces nm mnm knm cnm ncm nmm drehmoment kraft",
     "current": "current currents cur curr amps amp ampere iq strom",
     "voltage": "voltage voltages volt volts pwm duty spannung",
     "temperature": "temperature temp temperatures celsius",
@@ -33,6 +34,7 @@ TIME = "t time times timestamp timestamps stamp stamps sec secs seconds ms us ns
 UNIT_WORDS = {
     "rad": "rad", "deg": "deg", "degrees": "deg", "degree": "deg", "rpm": "rpm", "nm": "N m", "ms": "ms",
     "us": "us", "ns": "ns", "s": "s", "sec": "s", "secs": "s", "seconds": "s", "mm": "mm", "mnm": "mN m",
+    "nmm": "mN m", "knm": "kN m", "ncm": "N cm", "cnm": "N cm",
 }  # fmt: skip
 # Of poses: what a camera sees, what an arm carries, cameras' frames and the frames that arms stand in.
 SEEN = frozenset(
@@ -112,7 +114,12 @@ def is_time(name: str) -> bool:
 
 def words_in(name: str) -> list[str]:
     """Lower-case words of a name in snake case, camel case or with dots."""
-    return [word.lower() for word in _WORDS.findall(name)]
+    return [word.lower() for word in _WORDS.findall(_TORQUE_UNIT.sub(_as_word, name))]
+
+
+def _as_word(unit: re.Match[str]) -> str:
+    """A unit of torque in capitals and small letters as one word in small ones."""
+    return f" {unit[1]}n{unit[2]} "
 
 
 def split_names(names: Sequence[str], joints: Sequence[str]) -> dict[str, list[tuple[str, str]]]:

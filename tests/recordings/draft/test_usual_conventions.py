@@ -16,7 +16,7 @@ from samrl_core.diagnosis.residuals.poses.solve import closing_error
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 from samrl_ros.log_import.body_importer import bodies_of
 from samrl_ros.log_import.draft.any_draft import draft_any
-from samrl_ros.log_import.draft.guess import Draft
+from samrl_ros.log_import.draft.guess import Draft, Effort
 from samrl_ros.log_import.draft.tracks.matrix_columns import matrix_order, row_by_row
 from samrl_ros.log_import.draft.writing import as_yaml
 from samrl_ros.log_import.pose_importer import poses_of
@@ -101,6 +101,30 @@ def test_a_commanded_torque_and_degrees_per_second_say_what_they_are(tmp_path: P
     assert draft.kind == "joints" and not draft.questions
     assert draft.channels["states"]["velocity"]["unit"] == "deg/s"
     assert draft.channels["commanded_effort"]["effort"]["unit"] == "N m"
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [("torque_mNm", "mN m"), ("torque [N.mm]", "mN m"), ("M_cNm", "N cm"), ("tau_kN_m", "kN m")],
+)
+def test_a_unit_of_torque_keeps_its_prefix(tmp_path: Path, name: str, unit: str) -> None:
+    """`mNm` was read as m beside Nm: sure of N m, a thousand times too much."""
+    time = np.arange(0.0, 6.0, 0.01)
+    save(tmp_path / "run.csv", f"time_s,q_rad,{name}", time, np.sin(time), 40.0 * np.cos(time))
+    draft = draft_any([tmp_path / "run.csv"], None, None, Effort.drive)
+    assert draft.channels["commanded_effort"]["effort"]["unit"] == unit
+    assert not draft.questions
+
+
+def test_a_torque_called_measured_is_used_as_stated_beside_a_commanded_one(tmp_path: Path) -> None:
+    """Beside a plain `q` the sensor's torque went unused without a reason, whatever --effort said."""
+    time = np.arange(0.0, 6.0, 0.01)
+    names = "time_s,q_rad,tau_cmd_Nm,tau_meas_Nm"
+    save(tmp_path / "run.csv", names, time, np.sin(time), 4.0 * np.cos(time), 3.0 * np.cos(time))
+    draft = draft_any([tmp_path / "run.csv"], None, None, Effort.link)
+    states, commanded = draft.channels["states"], draft.channels["commanded_effort"]
+    assert states["effort"]["formula"] != commanded["effort"]["formula"]
+    assert not draft.unused
 
 
 def test_a_tag_beside_what_nobody_understands_is_no_sure_body(tmp_path: Path) -> None:

@@ -103,6 +103,7 @@ def _beside(
     """Measured blocks of a quantity in the same part, with the same joints.
 
     First those that are marked as the position is: a log of `actual` positions may not repeat the word.
+    A torque is called measured to tell it from the commanded one, beside plain positions.
     """
     there = [
         c
@@ -111,7 +112,7 @@ def _beside(
         and c.meaning.quantity == quantity
         and not c.meaning.commanded
         and not c.meaning.computed
-        and (position.meaning.measured or not c.meaning.measured)
+        and (position.meaning.measured or quantity == "effort" or not c.meaning.measured)
         and set(order) <= set(c.block.labels)
     ]
     return sorted(there, key=lambda c: c.meaning.measured != position.meaning.measured)

@@ -93,8 +93,9 @@ def limit_notes(where: str, recording: ArmRecording) -> list[str]:
     span = np.abs([lower[worst], upper[worst]]).max()
     if inside and np.abs(q[:, worst]).max() > 2.0 * span:
         raise InputError(
-            f"{where}: {said}; divided by {factor[worst]:.4g} all joints fit, so it is in {unit}:"
+            f"{where}: {said}; divided by {factor[worst]:.4g} all joints fit, as if it were in {unit}:"
             " convert to SI units (a mapping of `samrl bag import` states the unit)"
+            + ("" if listed[worst].prismatic else ", or call a joint that turns on `continuous` in the URDF")
         )
     return [f"{said}; wrong URDF, zero position or unit?"]
 

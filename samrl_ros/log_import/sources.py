@@ -13,6 +13,7 @@ import numpy as np
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_file, is_folder
 from samrl_ros.log_import.formats.depth_images import read_depth_images
+from samrl_ros.log_import.formats.views import files_of_views, is_of_views
 from samrl_ros.log_import.formulas import evaluate, names_in
 from samrl_ros.log_import.specs import ColumnSpec, LoggedSpec, Missing, TimeSpec
 from samrl_ros.log_import.table import Table
@@ -101,6 +102,8 @@ def read_source(
 def update_digest(digest: hashlib._Hash, path: Path) -> None:
     """Adds a file's content; of a folder (a bag, a dataset) all of its files in the order of their names."""
     files = sorted(p for p in path.rglob("*") if is_file(p)) if is_folder(path) else [path]
+    if is_of_views(path):
+        files = [file for _, file in files_of_views(path)]
     for file in files:
         with file.open("rb") as stream:
             while block := stream.read(1 << 20):

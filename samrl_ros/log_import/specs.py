@@ -70,6 +70,7 @@ class CsvOptions(Checked):
     skip_lines: NonNegativeInt = 0  # before the header
     comment: str = ""  # lines that start with it are left out
     decimal: Annotated[str, Field(min_length=1, max_length=1)] = "."
+    rows_per_sample: Annotated[int, Field(ge=1)] = 1  # lines of a matrix that are one; its numbers are `data`
     label: str = ""  # column whose text says what a row is of; `part` names the rows that are read
 
 

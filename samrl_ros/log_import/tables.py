@@ -19,6 +19,7 @@ from samrl_ros.log_import.formats.rosbag import is_bag, read_topic_table
 from samrl_ros.log_import.formats.text import read_text_table
 from samrl_ros.log_import.formats.torch_file import read_torch_table
 from samrl_ros.log_import.formats.transform_tree import frames_of, read_transform_table
+from samrl_ros.log_import.formats.views import is_of_views, read_views
 from samrl_ros.log_import.formats.yaml_log import read_yaml_table
 from samrl_ros.log_import.specs import CsvOptions
 from samrl_ros.log_import.table import Table
@@ -60,7 +61,7 @@ def read_table(path: Path, options: CsvOptions, where: str, part: str = "") -> T
     """A log as a table.
 
     Args:
-        path: a file, a bag's folder or a LeRobot dataset's.
+        path: a file, a bag's folder or a LeRobot dataset's; with a star for a file per view.
         options: how a text file is written.
         where: key path, for messages.
         part: topic of a bag or `CHILD in PARENT` of its frames, episode of a dataset, group of an HDF5 file,
@@ -70,6 +71,8 @@ def read_table(path: Path, options: CsvOptions, where: str, part: str = "") -> T
         InputError: nothing there, a kind that is not known, a part that is missing or too much, or a file
             of another kind than its suffix.
     """
+    if is_of_views(path):
+        return read_views(path, where)
     if is_bag(path) and (is_file(path) or is_folder(path)):
         if not part:
             raise InputError(f"{where}: {path.name} is a bag; name the topic with `part`")

@@ -99,6 +99,8 @@ def _options(lines: Sequence[str], tab: bool) -> CsvOptions | None:
         how["comment"] = comment[:1]
     if again:
         return CsvOptions(**how, header=again, skip_lines=begin)
+    if not names and not above and _are_matrices(own, delimiter):
+        return CsvOptions(**how, header=False, rows_per_sample=4)
     if not names:
         return CsvOptions(**how, header=False, skip_lines=0 if comment or not above else begin)
     header_at = next(k for k in reversed(above) if _named_by(lines[k], delimiter, names, width))
@@ -125,6 +127,17 @@ def _named_in_rows(lines: Sequence[str]) -> CsvOptions | None:
             header = [part for name in names for part in (f"({name})", name)]
             return CsvOptions(delimiter=delimiter, header=header, skip_lines=told[0])
     return None
+
+
+def _are_matrices(rows: Sequence[str], delimiter: str) -> bool:
+    """Whether every fourth of rows of four numbers is 0 0 0 1: homogeneous matrices below each other."""
+    cells = [_cells(row, delimiter) for row in rows]
+    if len(rows) < 4 * _FEW or any(len(row) != 4 for row in cells):
+        return False
+    last = [
+        all(_NUMBER.fullmatch(x) for x in row) and [float(x) for x in row] == [0, 0, 0, 1] for row in cells
+    ]
+    return all(is_last == (k % 4 == 3) for k, is_last in enumerate(last))
 
 
 def _takes_turns(cells: Sequence[str]) -> bool:

@@ -73,9 +73,27 @@ def read_text_table(path: Path, part: str, options: CsvOptions, where: str) -> T
         else frame[name].astype("str")
         for name in names
     }
+    if options.rows_per_sample > 1:
+        where = f"{where}: {path.name}"
+        columns = {"data": _folded(list(columns.values()), options.rows_per_sample, where)}
     if part or options.label:
         columns = rows_of(columns, part, options.label, f"{where}: {path.name}")
     return Table(path, columns, options.decimal)
+
+
+def _folded(columns: list[np.ndarray | pd.Series], count: int, where: str) -> np.ndarray:
+    """Matrices that stand below each other, a sample each (N, count * width), row by row.
+
+    Raises:
+        InputError: lines that are no numbers, or not a whole number of matrices.
+    """
+    numbers = [each for each in columns if isinstance(each, np.ndarray)]
+    if len(numbers) != len(columns) or len(numbers[0]) % count:
+        raise InputError(
+            f"{where} has {len(columns[0])} lines in {len(numbers)} columns of numbers; csv.rows_per_sample"
+            f" is {count}, so as many lines of numbers alone must be a sample"
+        )
+    return np.column_stack(numbers).reshape(-1, count * len(numbers))
 
 
 def rows_of(

@@ -36,6 +36,7 @@ from samrl_ros.log_import.draft.tracks.track_entries import (
     track_numbers,
 )
 from samrl_ros.log_import.draft.tracks.transform_chains import FoundChains
+from samrl_ros.log_import.formats.views import STAR, is_of_views
 from samrl_ros.log_import.pose_importer import SLOW_HZ, import_poses
 from samrl_ros.log_import.pose_specs import PoseRecordingSpec
 from samrl_ros.log_import.sources import SourceData
@@ -87,9 +88,16 @@ def draft_poses(
     if runs is not None:
         _add_runs(runs, draft)
         return draft
-    names = list(dict.fromkeys(each.path.stem for each in (seen, carried)))
+    names = list(dict.fromkeys(_named(each.path) for each in (seen, carried)))
     draft.recordings = [{"name": names[0] if len(names) == 1 else common_name(names), "role": "fit"}]
     return draft
+
+
+def _named(path: Path) -> str:
+    """A recording's name by its file; of a file per view by their folder."""
+    if is_of_views(path):
+        return (path.parent.parent if STAR in path.parent.name else path.parent).name or "views"
+    return path.stem
 
 
 def _add_runs(runs: PoseRuns, draft: Draft) -> None:

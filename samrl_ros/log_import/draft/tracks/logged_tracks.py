@@ -33,6 +33,7 @@ from samrl_ros.log_import.draft.tracks.pose_tracks import (
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics, read_frames
 from samrl_ros.log_import.formats.text import rows_of
 from samrl_ros.log_import.formats.transform_tree import frames_of
+from samrl_ros.log_import.formats.views import files_of_views, find_views, is_of_views, name_of_file
 from samrl_ros.log_import.specs import CsvOptions
 from samrl_ros.log_import.table import Table
 from samrl_ros.log_import.tables import SUFFIXES, TEXT_SUFFIXES, read_table
@@ -96,17 +97,17 @@ class LoggedTrack:
         """Of its name; of the file where the columns say nothing."""
         if self.part:
             return set(_words(self.part))
-        return set(self.track.stem) or set(self.path.stem.lower().replace("-", "_").split("_"))
+        return set(self.track.stem) - {"data"} or set(self.path.stem.lower().replace("-", "_").split("_"))
 
     @property
     def name(self) -> str:
         """For sentences."""
-        return f"{self.path.name}: {self.part or self.track.names}"
+        return f"{name_of_file(self.path)}: {self.part or self.track.names}"
 
     @property
     def place(self) -> tuple[str, str]:
         """File and part: tracks of one place share a source."""
-        return self.path.name, self.part
+        return name_of_file(self.path), self.part
 
     @property
     def position(self) -> np.ndarray:
@@ -152,10 +153,14 @@ def read_logged_tables(paths: Sequence[Path]) -> list[LoggedTable]:
         InputError: a named file that cannot be read.
     """
     found: list[LoggedTable] = []
+    views = find_views([file for given in paths for file in files_of(given)])
+    single = {file for each in views for _, file in files_of_views(each)}
+    for path in views:
+        found += _tables_of(path)
     for given in paths:
         for path in files_of(given):
             try:
-                found += _tables_of(path)
+                found += [] if path in single else _tables_of(path)
             except InputError:
                 if path == given:
                     raise
@@ -165,6 +170,8 @@ def read_logged_tables(paths: Sequence[Path]) -> list[LoggedTable]:
 def _tables_of(path: Path) -> list[LoggedTable]:
     if is_bag(path):
         return _topics(path)
+    if is_of_views(path):
+        return [LoggedTable(path, read_table(path, CsvOptions(), "the log", ""))]
     if not is_file(path) or path.suffix.lower() not in SUFFIXES:
         return []
     options = text_options(path)

@@ -16,6 +16,7 @@ from samrl_ros.log_import.draft.text_layout import stated_options
 from samrl_ros.log_import.draft.tracks.found_track import Component
 from samrl_ros.log_import.draft.tracks.logged_tracks import LoggedTrack
 from samrl_ros.log_import.draft.tracks.pose_tracks import numbers_of_parts, time_columns
+from samrl_ros.log_import.formats.views import name_of_file
 from samrl_ros.log_import.sources import SourceData
 from samrl_ros.log_import.table import Table
 
@@ -116,7 +117,7 @@ def _nanoseconds_of(name: str, names: Sequence[str]) -> str:
 
 def add_track_source(key: str, each: LoggedTrack, draft: Draft) -> dict[str, Any]:
     """The file of a track as a source of the draft, without its time."""
-    source: dict[str, Any] = {"file": each.path.name}
+    source: dict[str, Any] = {"file": name_of_file(each.path)}
     if each.part:
         source["part"] = each.part
     if stated := stated_options(each.csv):

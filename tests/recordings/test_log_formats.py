@@ -245,3 +245,14 @@ def test_what_is_no_log_of_its_kind_is_refused(tmp_path: Path) -> None:
 
 def test_a_table_without_time_says_so(tmp_path: Path) -> None:
     assert Table(tmp_path).time is None
+
+
+def test_a_list_of_episodes_is_no_list_of_samples(tmp_path: Path) -> None:
+    """Lists of signals, as those who train on them write a JSON file, without a time."""
+    one = {"type": "drop", "actions": [0.0] * 30 + [None] * 20, "sensor_data": [0.01 * k for k in range(50)]}
+    path = tmp_path / "responses.json"
+    path.write_text(json.dumps({"config": {"action_hz": 50, "limits": [-0.6, 0.6]}, "data": [one, one]}))
+    table = read_table(path, CsvOptions(), "it")
+    assert [len(table.numbers(name, "it")) for name in ("actions", "sensor_data")] == [50, 50]
+    assert table.notes == ["responses.json holds 2 episodes; the first is read, `part` names others"]
+    assert len(read_table(path, CsvOptions(), "it", "data.1").numbers("sensor_data", "it")) == 50

@@ -24,8 +24,9 @@ QUANTITIES = {
     "temperature": "temperature temp temperatures celsius",
 }
 COMMANDED = "cmd command commanded commands target targets ref reference desired des goal goals setpoint"
-COMMANDED += " set point action wanted control d soll sol"
+COMMANDED += " set point action wanted control d soll sol actions"
 MEASURED = "actual act meas measured feedback state states obs observation present real process value ist"
+MEASURED += " sensor"
 COMPUTED = "error err output residual integral multi"
 # Of a torque: a share that somebody worked out of it, or its rate.
 SHARES = "ext external hat interact interaction gravity g coriolis friction contact disturbance dot rate"

@@ -12,6 +12,7 @@ from samrl_ros.log_import.table import Table, rows_as_column
 
 _NUMBERED = re.compile(r"(.*?)[_.]?(\d+)")
 _OF_A_POSE = (3, 6, 7, 9, 12, 16)  # numbers
+_LONGEST_POSE = 16  # numbers; a longer list is of samples
 _FEWEST = 3  # keys alike that are samples; fewer are parts of one thing, such as two arms
 
 
@@ -40,6 +41,8 @@ def table_of_nested(content: Any, path: Path, part: str, where: str) -> Table:
             present = list(content) if isinstance(content, dict) else f"a {type(content).__name__}"
             raise InputError(f"{where}: {path.name} has no {key!r} of part {part!r}; there is {present}")
     content = _samples_in(content)
+    episodes = _are_episodes(content)
+    content = content[0] if episodes else content
     columns: dict[str, list[Any]] = {}
     if isinstance(content, list) and content and all(isinstance(sample, dict) for sample in content):
         for k, sample in enumerate(content):
@@ -57,11 +60,25 @@ def table_of_nested(content: Any, path: Path, part: str, where: str) -> Table:
             f" {json.dumps(content, default=str)[:80]}; `part` names the keys down to the samples"
         )
     table = Table(path)
+    if episodes > 1:
+        table.notes.append(f"{path.name} holds {episodes} episodes; the first is read, `part` names others")
     for name, values in columns.items():
         array = rows_as_column([_matrix(value) for value in values])
         if array is not None:
             table.columns[name] = array
     return table
+
+
+def _are_episodes(content: Any) -> int:
+    """How many episodes a list holds, each an object of lists as long as each other; 0 of a list of samples."""
+    if not isinstance(content, list) or not content or not all(isinstance(e, dict) for e in content):
+        return 0
+    for each in content:
+        lists = [v for _, v in _leaves(each) if isinstance(v, list)]
+        longest = [len(v) for v in lists if len(v) > _LONGEST_POSE]
+        if not longest or longest.count(longest[0]) != len(longest):
+            return 0
+    return len(content)
 
 
 def _samples_in(content: Any) -> Any:

@@ -26,6 +26,7 @@ LEAST = 6  # files that differ in their number and are views
 _SUFFIXES = (".txt", ".csv", ".json", ".npy", ".npz")
 _NUMBER = re.compile(r"\d+")
 _APART = re.compile(r"[\s,;\[\]()]+")
+_LARGEST = 1 << 16  # bytes of a file that holds one sample
 _OF_A_POSE = (6, 7, 9, 12, 16)  # numbers of a text that is one pose
 
 
@@ -91,6 +92,8 @@ def read_views(path: Path, where: str) -> Table:
 
 
 def _is_one_sample(file: Path) -> bool:
+    if file.stat().st_size > _LARGEST:
+        return False
     try:
         sample = dict(_sample(file, "it"))
     except InputError:

@@ -70,7 +70,7 @@ def table_of_nested(content: Any, path: Path, part: str, where: str) -> Table:
 
 
 def _are_episodes(content: Any) -> int:
-    """How many episodes a list holds, each an object of lists as long as each other; 0 of a list of samples."""
+    """How many episodes a list holds, objects of lists of one length; 0 of a list of samples."""
     if not isinstance(content, list) or not content or not all(isinstance(e, dict) for e in content):
         return 0
     for each in content:

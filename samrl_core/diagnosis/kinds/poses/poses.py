@@ -79,7 +79,15 @@ class Poses(Kind[PoseRecording]):
                     " without them: a board seen from another corner, a tag that flips, a target that was"
                     " moved?"
                 )
-            if trial.outliers:
+            if trial.moved is not None:
+                begin, end = trial.moved
+                out.append(
+                    f"{trial.name}: the {end - begin} seen poses from {trial.chain.time[begin]:g} to"
+                    f" {trial.chain.time[end - 1]:g} s (or rows) stand elsewhere than"
+                    " all others: the target was pushed, or the camera slipped. They hardly"
+                    " count here; diagnose them by themselves, as `rows` in a mapping cuts them"
+                )
+            elif trial.outliers:
                 out.append(
                     f"{trial.name}: {trial.outliers} of {len(trial.chain.time)} seen poses stand apart from"
                     " all others and hardly count"

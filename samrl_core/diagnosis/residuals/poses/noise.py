@@ -16,6 +16,10 @@ FREEDOM = 4.0  # of the Student distribution that tells it
 LEAST_SPREAD = 0.3  # of the distance's logarithm, below which growth does not show
 ROBUST = 1.4826  # of a median absolute deviation, for a Gaussian
 OUTLIER = 6.0  # standard deviations beyond which a detection is not one of the target
+MOST_APART = 0.5  # of the detections: a median is of the others only as long as those are most
+PAIRS_BREAK = 1.0 - np.sqrt(0.5)  # mistakes: of more, most differences of neighbours hold one
+LEAST_CHANGED = 3  # detections in a row at one end that are no chance
+IN_ROW, ELSEWHERE = 0.8, 0.1  # shares that stand apart at the end where something changed, and before it
 ROUNDS = 6
 LEAST = np.array([1e-6] * 3 + [1e-6] * 3)  # [m], [rad]: rounding of a log
 
@@ -30,6 +34,51 @@ class DetectorNoise:
     def at(self, distance: np.ndarray) -> np.ndarray:
         """Standard deviations (N, 6) at distances (N,) [m]."""
         return self.level * distance[:, None] ** self.power
+
+
+def find_apart(left: np.ndarray, floor: np.ndarray, least: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The noise level (6,) of what is left (N, 6), and how far each detection (N,) stands apart.
+
+    Where so many stand apart that differences of neighbours tell of them, their scatter tells first who does,
+    and the others then tell the noise. Where most do, nobody does: there is nothing to compare with.
+
+    Args:
+        left: what is left of the residuals, as if all were at one distance.
+        floor: what a detector's errors that last may be, (6,).
+        least: no noise is less, (6,).
+
+    Returns:
+        The level, and standard deviations beyond `OUTLIER`; 0 of those that do not stand apart.
+    """
+    level = np.maximum(noise_level(left, floor), least)
+    by_scatter = _score(left, np.maximum(scale(left), least)) > OUTLIER
+    if PAIRS_BREAK < by_scatter.mean() <= MOST_APART:
+        level = np.maximum(noise_level(left[~by_scatter], floor), least)
+    score = _score(left, level)
+    apart = score > OUTLIER
+    return level, np.where(apart & (apart.mean() <= MOST_APART), score, 0.0)
+
+
+def _score(left: np.ndarray, level: np.ndarray) -> np.ndarray:
+    """How far detections (N,) are from the others, in standard deviations of the channel that is worst."""
+    return np.max(np.abs(left) / np.hypot(level, 1.5 * np.median(np.abs(left), axis=0)), axis=1)
+
+
+def find_change(apart: np.ndarray) -> tuple[int, int] | None:
+    """Where detections that stand apart are all at one end: something was moved in between.
+
+    Args:
+        apart: which detections stand apart from the others, (N,) bool.
+
+    Returns:
+        Begin and end of those in a row; None where they come in any order, as a detector's mistakes do.
+    """
+    count = len(apart)
+    for order, is_end in ((apart, True), (apart[::-1], False)):
+        for begin in range(1, count - LEAST_CHANGED + 1):
+            if order[begin] and order[begin:].mean() >= IN_ROW and order[:begin].mean() <= ELSEWHERE:
+                return (begin, count) if is_end else (0, count - begin)
+    return None
 
 
 def growth_power(left: np.ndarray, distance: np.ndarray) -> np.ndarray:

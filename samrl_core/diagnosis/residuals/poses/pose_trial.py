@@ -16,11 +16,11 @@ from samrl_core.diagnosis.residuals.phases import REST, phases_of_speed
 from samrl_core.diagnosis.residuals.poses import rigid
 from samrl_core.diagnosis.residuals.poses.chain import Chain, Constants, track_rate
 from samrl_core.diagnosis.residuals.poses.noise import (
-    OUTLIER,
     DetectorNoise,
+    find_apart,
+    find_change,
     growth_power,
     leftover,
-    noise_level,
 )
 
 CHANNELS = ("position_x", "position_y", "position_z", "rotation_x", "rotation_y", "rotation_z")
@@ -33,7 +33,6 @@ END_S, END_SHARE = 0.5, 0.05  # of a recording at either end of an arm's track, 
 LEFT_OUT = 1e3  # times the noise: as good as left out
 LEVER_M = 0.5  # at which a translation of 1 m/s counts as 2 rad/s, for phases
 # Standard deviations of what the noise estimate lets be off: beyond the catalogue's ranges.
-MOST_APART = 0.3  # of the poses: more that stand apart are no mistakes of a detector
 TRANSLATION, ROTATION, SIZE, ZERO, CLOCK = 0.03, 0.05, 0.05, 0.02, 0.1
 OFFSETS_S = np.array(
     [0.0, *(s * t for t in (0.004, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64) for s in (1, -1))]
@@ -81,9 +80,11 @@ class PoseTrial(Observed):
         )
         distance = np.maximum(np.linalg.norm(self.seen_position, axis=1), NEAREST_M)
         if noise is None:
-            self.noise, self._sigma, self.outliers = self._noise(distance, like, few)
+            self.noise, self._sigma, apart = self._noise(distance, like, few)
         else:
-            self.noise, self.outliers, self._sigma = noise, 0, noise.at(distance)
+            self.noise, self._sigma, apart = noise, noise.at(distance), np.zeros(len(distance), dtype=bool)
+        self.outliers = int(np.count_nonzero(apart))
+        self.moved = find_change(apart)  # begin and end of seen poses, all of which stand apart
         self._sigma[self._at_ends()] *= LEFT_OUT
 
     # -- what any recording tells ----------------------------------------------------------------------
@@ -237,8 +238,8 @@ class PoseTrial(Observed):
 
     def _noise(
         self, distance: np.ndarray, like: DetectorNoise | None, few: bool
-    ) -> tuple[DetectorNoise, np.ndarray, int]:
-        """The noise, its standard deviations (N, 6), and how many detections stand apart from all others."""
+    ) -> tuple[DetectorNoise, np.ndarray, np.ndarray]:
+        """The noise, its standard deviations (N, 6), and which detections (N,) stand apart."""
         columns: list[np.ndarray] = []
         spread: list[float] = []
         for twists in self.links.values():
@@ -261,16 +262,13 @@ class PoseTrial(Observed):
         growth = distance[:, None] ** power
         middle = np.median(growth, axis=0)
         even = left * middle / growth
-        level = noise_level(even, floor)
-        level = np.maximum(level, like.level * middle) if few and like is not None else level
-        score = np.max(np.abs(even) / np.hypot(level, 1.5 * np.median(np.abs(even), axis=0)), axis=1)
-        apart = score > OUTLIER
-        if np.mean(apart) > MOST_APART:
-            apart = np.zeros(len(score), dtype=bool)
+        least = like.level * middle if few and like is not None else np.zeros(len(floor))
+        level, score = find_apart(even, floor, least)
         noise = DetectorNoise(level / middle, power)
         sigma = noise.at(distance)
+        apart = score > 0.0
         sigma[apart] *= (score[apart] ** 2)[:, None]  # as good as left out
-        return noise, sigma, int(np.count_nonzero(apart))
+        return noise, sigma, apart
 
     def _aligned(self, columns: list[np.ndarray], spread: list[float]) -> np.ndarray:
         """Residuals at the arms' common clock offset that leaves least: noise must not hold a delay."""

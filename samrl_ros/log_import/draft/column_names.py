@@ -57,6 +57,7 @@ _ANGLES, _PER_SECOND = frozenset("rad deg degrees degree mrad rev".split()), fro
 _QUANTITY_OF = {word: quantity for quantity, words in QUANTITIES.items() for word in words.split()}
 _COMMANDED, _MEASURED = set(COMMANDED.split()), set(MEASURED.split())
 _COMPUTED, _SHARES, _TIME = set(COMPUTED.split()), set(SHARES.split()), set(TIME.split())
+_TURNS = frozenset(("roll", "pitch", "yaw"))
 _RATES = {"dot": "velocity", "ddot": "acceleration"}  # of a position: q_dot, theta_dot
 
 
@@ -142,7 +143,22 @@ def split_names(names: Sequence[str], joints: Sequence[str]) -> dict[str, list[t
         named = best[1] in joints
         stem, label = best if named or members[best[0]] > 1 else (name, "")
         grouped.setdefault(stem, []).append((label, name))
-    return grouped
+    return _without_tools(grouped, joints)
+
+
+def _without_tools(
+    grouped: dict[str, list[tuple[str, str]]], joints: Sequence[str]
+) -> dict[str, list[tuple[str, str]]]:
+    """A tool's turns apart from joints: `roll_rad` beside `j1_rad` is none, alone it may be one."""
+    out: dict[str, list[tuple[str, str]]] = {}
+    for stem, members in grouped.items():
+        labels = {label for label, _ in members}
+        tool = _TURNS if _TURNS < labels and not _TURNS & set(joints) else frozenset()
+        out.setdefault(stem, []).extend(each for each in members if each[0] not in tool)
+        for label, name in members:
+            if label in tool:
+                out.setdefault(name, []).append(("", name))
+    return out
 
 
 def _stems(name: str, joints: Sequence[str]) -> list[tuple[str, str]]:

@@ -1,4 +1,4 @@
-"""Everything that a Universal Robot's RTDE gives in one table: a machine's log, and no hand-eye chain."""
+"""Everything that a robot gives in one table, tool and joints: a machine's log, and of its joints alone."""
 
 from __future__ import annotations
 
@@ -48,3 +48,15 @@ def test_where_the_tool_was_sent_is_no_target_of_a_camera(tmp_path: Path) -> Non
         "command": [f"target_q_{k}" for k in AXES],
     }
     assert not draft.questions
+
+
+def test_turns_of_a_tool_are_no_joints(tmp_path: Path) -> None:
+    """As a Niryo's state is kept: x_m, ..., yaw_rad of the tool beside j1_rad to j6_rad."""
+    time = np.arange(0.0, 6.0, 0.02)
+    tool = {name: 0.2 + 0.1 * np.sin(time + k) for k, name in enumerate(("x_m", "y_m", "z_m"))}
+    tool |= {name: 0.3 * np.cos(time + k) for k, name in enumerate(("roll_rad", "pitch_rad", "yaw_rad"))}
+    signals = {"t_s": time, **tool, **{f"j{k + 1}_rad": 0.5 * np.sin(time + k) for k in AXES}}
+    rows = [",".join(f"{x:.6f}" for x in row) for row in zip(*signals.values(), strict=True)]
+    (tmp_path / "robot.csv").write_text("\n".join([",".join(signals), *rows]))
+    draft = draft_any([tmp_path / "robot.csv"], None, None)
+    assert draft.kind == "joints" and draft.joints == [f"j{k + 1}" for k in AXES]

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from samrl_core.cell.types.pose_recording import PoseRecording, PoseTrack
 from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
-from samrl_core.diagnosis.kinds.poses import split_poses
+from samrl_core.diagnosis.kinds.poses.poses import split_poses
 from samrl_core.diagnosis.residuals.poses.noise import find_change
 from samrl_core.diagnosis.result import Diagnosis
 from tests.diagnosis.poses.pose_worlds import NONE, SMALL, PoseWorld, record

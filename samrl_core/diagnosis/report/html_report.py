@@ -213,7 +213,7 @@ def _key_figures(d: Diagnosis) -> list[KeyFigure]:
                 note = f"95 % interval {words.interval(estimate)}"
                 items.append(_key_figure(name, words.value(estimate), note))
         items.append(
-            _key_figure("probability", words.percent(first.probability), "of this cause among all tried")
+            _key_figure("probability", words.probability(first.probability), "of this cause among all tried")
         )
         if gap is not None and gap.margin is not None:
             other = words.effect(gap.runner_up_effect) if gap.runner_up_effect else "the runner-up"

@@ -82,7 +82,7 @@ def _which(d: Diagnosis) -> list[str]:
     lines = []
     for e in d.effects[:3]:
         values = words.parameters(e) or "no parameters"
-        lines.append(_line("which", f"{e.name}, probability {e.probability:.2f}: {values}"))
+        lines.append(_line("which", f"{e.name}, probability {words.probability(e.probability)}: {values}"))
     return lines
 
 

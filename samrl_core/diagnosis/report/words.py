@@ -18,6 +18,7 @@ VERDICT_LABEL = {
     "not_testable": "Not testable",
 }
 
+LEAST_CHANCE = 0.001  # that is told apart from none
 QUANTITY = {"commanded_effort": "commanded effort"}
 
 
@@ -106,6 +107,11 @@ def percent(fraction: float | None) -> str:
     if 0 < fraction <= 0.005:
         return "< 1 %"
     return f"{100 * fraction:.0f} %"
+
+
+def probability(value: float | None) -> str:
+    """A probability among what was tried, as per cent; never a certainty, which no recording gives."""
+    return percent(None if value is None else min(max(value, LEAST_CHANCE), 1.0 - LEAST_CHANCE))
 
 
 def percent_interval(ci: tuple[float, float] | None) -> str:

@@ -50,9 +50,18 @@ def test_everything_at_once_still_fits() -> None:
 def test_the_effect_is_named_with_its_parameters_and_how_far() -> None:
     text = "\n".join(summary(samples.diagnosis("effect")))
     assert "Coulomb friction at joint panda_joint4" in text
-    assert "coulomb_friction@joint:panda_joint4, probability 0.97: Fc = 0.412 ± 0.031 N m" in text
+    assert "coulomb_friction@joint:panda_joint4, probability 97 %: Fc = 0.412 ± 0.031 N m" in text
     assert "shrinks by 83 % (79 to 86 %); +29 points on the runner-up" in text
     assert "8 % of the excess energy remains" in text
+
+
+@pytest.mark.parametrize(
+    ("value", "said"), [(1.0, "> 99 %"), (0.9999, "> 99 %"), (0.97, "97 %"), (0.0, "< 1 %")]
+)
+def test_no_probability_is_a_certainty(value: float, said: str) -> None:
+    d = samples.diagnosis("effect")
+    sure = replace(d, effects=(replace(d.effects[0], probability=value),))
+    assert f"probability {said}:" in "\n".join(summary(sure))
 
 
 def test_an_ambiguous_gap_shows_the_set_and_the_next_recording() -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from samrl_core.cell.types.reading_recording import ReadingRecording, ReadingTolerances
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.kinds.readings.readings import split_readings
+from samrl_core.diagnosis.recordings.held_out import shared_runs
 from samrl_ros.recordings.arrays_by_role import (
     check_unseen,
     read_by_role,
@@ -23,6 +24,7 @@ VERSION = 1
 _ARRAYS = ("time", "reading", "reference")
 _TEXTS = ("name", "source", "sha256", "quantity", "sensor")
 _SAME = 0.05  # share of held-out readings found in the fitted ones from which on they are the same
+_RUN, _DISTINCT = 16, 4  # readings of a run that is compared, and different ones that it needs
 
 
 def is_reading_file(path: Path) -> bool:
@@ -66,6 +68,22 @@ def load_reading_files(
     return reading_roles(*read_by_role(fit_paths, held_paths, SUFFIX, read_reading_file, stated))
 
 
+def shared_readings(known: ReadingRecording, unseen: ReadingRecording) -> float:
+    """Share of the readings of `unseen`, with their references, that are also in `known`.
+
+    Rounded readings repeat by chance, as depth in whole millimetres at one distance does. Where those of `known`
+    repeat within it, runs of `unseen` count that occur there in the same order, or all of it.
+    """
+    seen, other = (np.stack([r.reading, r.reference], axis=1) for r in (known, unseen))
+    cells = seen.view("f8,f8")[:, 0]
+    _, place, count = np.unique(cells, return_inverse=True, return_counts=True)
+    if float(np.mean(count[place] > 1)) <= _SAME:
+        return float(np.isin(other.view("f8,f8")[:, 0], cells).mean())
+    if np.array_equal(seen, other):
+        return 1.0
+    return shared_runs(seen, other, _RUN, _DISTINCT)
+
+
 def reading_roles(
     fit: list[ReadingRecording], held: list[ReadingRecording]
 ) -> tuple[list[ReadingRecording], list[ReadingRecording], list[str]]:
@@ -79,7 +97,6 @@ def reading_roles(
         return [first], [last], [f"{fit[0].name} is alone: a part of it is held out"]
     for unseen in held:
         for known in fit:
-            seen, other = (np.stack([r.reading, r.reference], axis=1).view("f8,f8") for r in (known, unseen))
-            share = float(np.isin(other, seen).mean())
+            share = shared_readings(known, unseen)
             check_unseen(share, _SAME, unseen.name, f"the fitted {known.name}", "readings")
     return fit, held, []

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 
+from samrl_core.cell.types.reading_recording import ReadingRecording
 from samrl_core.common.errors import InputError
 from samrl_ros.cli.main import run
 from samrl_ros.log_import.any_importer import import_any
-from samrl_ros.recordings.reading_file import read_reading_file
+from samrl_ros.recordings.reading_file import read_reading_file, reading_roles, shared_readings
 
 MAPPING = {
     "sources": {
@@ -80,3 +82,20 @@ def test_a_column_that_yaml_takes_for_yes_is_asked_for_in_quotes(logs: Path) -> 
     (logs / "bad.yaml").write_text(yaml.safe_dump(content))
     with pytest.raises(InputError, match="in quotes"):
         import_any(logs / "bad.yaml", logs, None)
+
+
+def test_whole_millimetres_repeat_by_chance_and_copies_do_not() -> None:
+    """A depth camera's millimetres at four distances: two recordings share values, not their order."""
+
+    def made(seed: int) -> ReadingRecording:
+        true = np.repeat([0.4, 0.7, 1.0, 1.3], 100)
+        read = np.round(1.012 * true + 3e-3 * true * np.random.default_rng(seed).standard_normal(400), 3)
+        return ReadingRecording(f"wall{seed}", "made", f"{seed:064x}", "depth", "camera", true, read, true)
+
+    fit, other = made(1), made(2)
+    assert np.isin(other.reading, fit.reading).mean() > 0.9 and shared_readings(fit, other) == 0.0
+    part = replace(fit, reading=fit.reading[120:300], reference=fit.reference[120:300], time=fit.time[:180])
+    for same in (replace(fit, name="copy"), replace(part, name="part")):
+        assert shared_readings(fit, same) > 0.5
+        with pytest.raises(InputError, match="hold out what was not fitted"):
+            reading_roles([fit], [same])

@@ -53,31 +53,40 @@ def shared_samples(seen: ArmRecording, unseen: ArmRecording) -> float:
     if seen.arm.joints != unseen.arm.joints:
         return 0.0
     quantities = [q for q in ("position", "velocity", "effort") if _has(seen, q) and _has(unseen, q)]
-    a, b = _row_hashes(seen.states, quantities), _row_hashes(unseen.states, quantities)
-    if min(len(a), len(b)) < _RUN:
+    a, b = (np.hstack([getattr(r.states, q) for q in quantities]) for r in (seen, unseen))
+    return shared_runs(a, b, _RUN, _DISTINCT)
+
+
+def shared_runs(seen: np.ndarray, unseen: np.ndarray, run: int, distinct: int) -> float:
+    """Share of the runs of `run` rows of `unseen` (M, K) that occur, bit for bit and in order, in `seen` (N, K).
+
+    Runs of fewer than `distinct` different rows do not count: they repeat by chance.
+    """
+    a, b = _row_hashes(seen), _row_hashes(unseen)
+    if min(len(a), len(b)) < run:
         return 0.0
-    places = np.arange(0, len(b) - _RUN + 1, _RUN)
-    places = np.array([k for k in places if len(np.unique(b[k : k + _RUN])) >= _DISTINCT], dtype=int)
+    places = np.arange(0, len(b) - run + 1, run)
+    places = np.array([k for k in places if len(np.unique(b[k : k + run])) >= distinct], dtype=int)
     if not len(places):
         return 0.0
-    return float(np.isin(_run_hashes(b)[places], _run_hashes(a)).mean())
+    return float(np.isin(_run_hashes(b, run)[places], _run_hashes(a, run)).mean())
 
 
 def _has(recording: ArmRecording, quantity: str) -> bool:
     return getattr(recording.states, quantity) is not None
 
 
-def _row_hashes(signal: JointSignal, quantities: list[str]) -> np.ndarray:
-    rows = np.ascontiguousarray(np.hstack([getattr(signal, q) for q in quantities]) + 0.0)  # no minus zero
+def _row_hashes(values: np.ndarray) -> np.ndarray:
+    rows = np.ascontiguousarray(values + 0.0)  # no minus zero
     odd = np.random.default_rng(0).integers(1, 2**62, rows.shape[1], dtype=np.uint64) * 2 + 1
     return (rows.view(np.uint64) * odd).sum(axis=1, dtype=np.uint64)
 
 
-def _run_hashes(rows: np.ndarray) -> np.ndarray:
-    count = len(rows) - _RUN + 1
-    odd = np.random.default_rng(1).integers(1, 2**62, _RUN, dtype=np.uint64) * 2 + 1
+def _run_hashes(rows: np.ndarray, run: int) -> np.ndarray:
+    count = len(rows) - run + 1
+    odd = np.random.default_rng(1).integers(1, 2**62, run, dtype=np.uint64) * 2 + 1
     total = np.zeros(count, dtype=np.uint64)
-    for k in range(_RUN):
+    for k in range(run):
         mixed = rows[k : k + count] ^ (rows[k : k + count] >> np.uint64(29))
         total += mixed * odd[k]
     return total

@@ -45,6 +45,7 @@ def summary(diagnosis: Diagnosis, files: Sequence[str] = ()) -> list[str]:
         )
     if d.ambiguity_set:
         lines.append(_line("could be", " or ".join(_candidate(d, name) for name in d.ambiguity_set[0])))
+    lines += [_line("beside it", _candidate(d, e.name)) for e in words.beside(d)]
     if d.next_experiment is not None:
         n = d.next_experiment
         lines.append(

@@ -145,6 +145,12 @@ def least(ends: tuple[float, float], unit: str) -> str:
     return " or ".join(f"{end:.2g}" for end in ends if math.isfinite(end)) + unit
 
 
+def beside(d: Diagnosis) -> list[NamedEffect]:
+    """Effects that are there whichever of the candidates is: each explains what none of those can."""
+    open_ = {name for group in d.ambiguity_set for name in group}
+    return [e for e in d.effects if open_ and e.role == "secondary" and e.name not in open_]
+
+
 def would_be_seen(d: Diagnosis) -> str:
     """The least sizes in a row: the first parameter of each family that has one."""
     seen = [s for s in d.least_sizes if any(map(math.isfinite, s.stated))]

@@ -69,6 +69,12 @@ def estimates(
     return out
 
 
+def _worth(evidence: Evidence, fit: Fit, index: int) -> float:
+    """Log evidence [nat] that one effect of a fit adds to the others."""
+    others = [h for k, h in enumerate(fit.hypotheses) if k != index]
+    return fit.log_evidence - (evidence.fit(others).log_evidence if others else 0.0)
+
+
 def formula_deviation(evidence: Evidence, fit: Fit, index: int) -> float:
     """Relative standard deviation that the parameters of one effect have because its formula is not exact.
 
@@ -81,6 +87,8 @@ def formula_deviation(evidence: Evidence, fit: Fit, index: int) -> float:
     # Undo this effect alone: what it had to explain.
     alone = likelihood.minus(h.regressors, -fit.amplitudes[index], rest)
     before, after = likelihood.deficit(alone, k, there), likelihood.deficit(rest, k, there)
+    # Where what is open could be nearly the same, the deficit misses it; it had to explain what it wins, too.
+    before = max(before, _worth(evidence, fit, index))
     return float(
         np.hypot(
             h.form.deviation, REMAINDER_TO_FORMULA * np.sqrt(np.clip(after / max(before, 1e-9), 0.0, 1.0))

@@ -44,7 +44,7 @@ SEEN = frozenset(
 )
 CARRIED = frozenset(
     "robot flange ee eef tcp tool tool0 gripper hand effector endeffector fk arm wrist base link7 link8"
-    " body".split()
+    " body kuka fanuc abb iiwa franka panda rtde rsi".split()
 )
 CAMERAS = frozenset("cam camera optical rgb sensor eye".split())
 FRAME_LETTERS = {  # of A_p_B, B's origin in A

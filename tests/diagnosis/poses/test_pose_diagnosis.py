@@ -132,6 +132,12 @@ def test_a_size_that_was_typed_in_wrongly_is_a_size_and_no_calibration(size_erro
     assert abs(s.value - size_error) < 0.01 and s.ci95[0] < size_error < s.ci95[1]
 
 
+def test_a_wrong_size_is_as_sure_as_the_views_are_where_no_transform_is_stated() -> None:
+    """Transforms that nobody states could be nearly the same; the interval was half of the size."""
+    s = diagnosis(PoseWorld(size_error=-0.08, at_rest=True, stated=False)).effects[0].parameters["s"]
+    assert s.ci95[0] < -0.08 < s.ci95[1] and s.ci95[1] - s.ci95[0] < 0.016
+
+
 def test_wrong_detections_are_noted_and_change_nothing() -> None:
     d = diagnosis(PoseWorld(camera_error=SMALL, wrong_detections=20))
     assert d.verdict == "effect" and d.effects[0].family == "hand_eye"

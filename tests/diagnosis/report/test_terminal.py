@@ -19,6 +19,7 @@ from samrl_core.diagnosis.effects import (
     find_family,
 )
 from samrl_core.diagnosis.report import words
+from samrl_core.diagnosis.report.html_report import to_html
 from samrl_core.diagnosis.report.terminal import LINES, WIDTH, summary
 from samrl_core.diagnosis.result import VERDICTS, ParameterEstimate
 from tests.diagnosis.report import samples
@@ -70,6 +71,16 @@ def test_an_ambiguous_gap_shows_the_set_and_the_next_recording() -> None:
     assert re.search(r"Backlash at joint panda_joint4 \(.+ ± .+\) or Joint elasticity at", text)
     assert "samrl excite next.yaml" in text
     assert "which" not in text  # nothing is named
+
+
+def test_what_is_there_beside_the_candidates_is_shown_with_its_size() -> None:
+    """A late camera or a clock, and in either case a camera that sits elsewhere."""
+    d = samples.diagnosis("ambiguous")
+    both = replace(d, effects=(*d.effects, replace(samples.DELAY, role="secondary")))
+    text = " ".join(" ".join(summary(both)).split())
+    assert f"beside it {words.effect(samples.DELAY.name)} ({words.parameters(samples.DELAY)})" in text
+    assert words.parameters(samples.DELAY) in to_html(both)
+    assert "beside it" not in " ".join(summary(d))
 
 
 def test_files_of_one_folder_are_named_behind_it() -> None:

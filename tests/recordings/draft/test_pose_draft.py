@@ -244,6 +244,26 @@ def test_files_of_several_runs_are_recordings_of_one_chain(pattern: str, tmp_pat
         assert np.allclose(each.recording.seen.position, seen.position[rows], atol=1e-6)
 
 
+def test_stamps_in_two_columns_and_runs_of_a_kuka_with_a_board(tmp_path: Path) -> None:
+    """Nanoseconds beside whole seconds are the rest of a stamp; letters of KUKA's angles need no other name."""
+    seen, flange = still_camera()
+    half = len(seen) // 2
+    for number, rows in ((1, slice(0, half)), (2, slice(half, None))):
+        time, turned = seen.time[rows] + 1000.0, Rotation.from_quat(flange.quat_xyzw[rows])
+        angles = turned.as_euler("ZYX", degrees=True)
+        robot = {"t": time} | named("{}", "XYZ", 1e3 * flange.position[rows]) | named("{}", "ABC", angles)
+        write_csv(tmp_path / f"meas{number}_a.csv", robot)
+        board = {"sec": np.floor(time), "nanosec": np.round(1e9 * (time % 1.0))}
+        vectors = Rotation.from_quat(seen.quat_xyzw[rows]).as_rotvec()
+        board |= named("rvec_{}", "xyz", vectors) | named("tvec_{}", "xyz", seen.position[rows])
+        write_csv(tmp_path / f"meas{number}_b.csv", board)
+    draft = drafted([tmp_path])
+    assert draft is not None and [each["name"] for each in draft.recordings] == ["meas1", "meas2"]
+    got = imported(draft, tmp_path)
+    assert got.tool_arm is not None and np.allclose(got.seen.position, seen.position[:half], atol=1e-6)
+    assert np.allclose(got.seen.time, seen.time[:half] + 1000.0, atol=1e-6)
+
+
 def test_a_log_of_joints_is_none_of_poses(tmp_path: Path) -> None:
     time = np.arange(60.0)
     assert drafted([write_csv(tmp_path / "a.csv", {"t": time, "q1": time, "q2": time})]) is None

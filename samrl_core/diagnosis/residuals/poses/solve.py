@@ -54,7 +54,7 @@ def solved(recordings: Sequence[PoseRecording]) -> tuple[Constants, list[str]]:
         matrix = getattr(constants, name)
         q = Rotation.from_matrix(matrix[:3, :3]).as_quat()
         notes.append(
-            f"{names[name]} is not stated; from the poses it is position"
+            f"{names[name]} is not stated; from the poses, all else as stated, it is position"
             f" {np.round(matrix[:3, 3], 5).tolist()} m, quaternion {np.round(q, 5).tolist()} (xyzw)"
         )
     return constants, notes

@@ -25,7 +25,7 @@ def find_pose_runs(placed: Sequence[LoggedTrack], side: Callable[[LoggedTrack], 
         placed: every pose.
         side: 1 of a target's, -1 of a flange's, 0 where nothing says it.
     """
-    seen, carried = ([each for each in placed if side(each) == s] for s in (1, -1))
+    seen, carried = _sides(placed, side)
     alike = len({tuple(e.track.used) for e in seen}) == len({tuple(e.track.used) for e in carried}) == 1
     whole = len(seen) == len(carried) > 1 and len(seen) + len(carried) == len(placed)
     folders = {each.path.parent for each in placed}
@@ -43,6 +43,23 @@ def find_pose_runs(placed: Sequence[LoggedTrack], side: Callable[[LoggedTrack], 
             files = (file + seen[0].path.suffix, other_file + carried[0].path.suffix)
             return PoseRuns(tuple(one), tuple(seen), tuple(by_name[name] for name in one), files)
     return None
+
+
+def _sides(
+    placed: Sequence[LoggedTrack], side: Callable[[LoggedTrack], int]
+) -> tuple[list[LoggedTrack], list[LoggedTrack]]:
+    """Poses of targets and of flanges; where names do not say it of all, those of two layouts, likelier first.
+
+    Who is who is then asked; which files are one run is told by their names alone.
+    """
+    seen, carried = ([each for each in placed if side(each) == s] for s in (1, -1))
+    layouts: dict[tuple[str, ...], list[LoggedTrack]] = {}
+    for each in placed:
+        layouts.setdefault(tuple(each.track.used), []).append(each)
+    if len(seen) + len(carried) == len(placed) or len(layouts) != 2:
+        return seen, carried
+    first, second = sorted(layouts.values(), key=lambda group: -sum(map(side, group)))
+    return first, second
 
 
 def _before_common_end(stems: Sequence[str]) -> tuple[list[str], str]:

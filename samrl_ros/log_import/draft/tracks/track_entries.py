@@ -24,8 +24,8 @@ SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 INCH_M = 0.0254
 FAR = 20.0  # of a position: no arm, camera or tossed body is so far off in metres
 FULL_TURN = 2.0 * np.pi + 0.1
-_WHOLE_SECONDS = ("sec", "secs")
-_NANOSECONDS = ("nsec", "nsecs", "nanosec", "nanosecs")
+_WHOLE_SECONDS = ("sec", "secs", "seconds")
+_NANOSECONDS = ("nsec", "nsecs", "nanosec", "nanosecs", "nanoseconds")
 _FRAMES = frozenset({"frame", "frames", "image", "img", "sample"})
 
 
@@ -66,7 +66,7 @@ def find_time(each: LoggedTrack, used: Sequence[str]) -> FoundTime | None:
         if values is None:
             moments = table.times(name, "the log")
             return FoundTime({"column": name, "iso": True}, moments, ("s",), f"{name!r} holds dates")
-        if (rest := _nanoseconds_of(name, names)) and (more := numbers_of(table, rest)) is not None:
+        if (rest := _nanoseconds_of(name, table.columns)) and (more := numbers_of(table, rest)) is not None:
             entry = {"column": name, "nanoseconds": rest}
             return FoundTime(entry, values + 1e-9 * more, ("s",), f"{name!r} with {rest!r}")
 
@@ -110,7 +110,7 @@ def _nanoseconds_of(name: str, names: Sequence[str]) -> str:
         return ""
     for other in names:
         more = words_in(other)
-        if more[:-1] == words[:-1] and more[-1] in _NANOSECONDS:
+        if more and more[:-1] == words[:-1] and more[-1] in _NANOSECONDS:
             return other
     return ""
 

@@ -18,9 +18,10 @@ import numpy as np
 from samrl_core.cell.types.pose_recording import PoseRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.residuals.poses.solve import closing_error
-from samrl_ros.log_import.draft.column_names import BASES, CAMERAS, CARRIED, SEEN
+from samrl_ros.log_import.draft.column_names import BASES, CAMERAS, CARRIED, SEEN, words_in
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.poses.pose_turns import turns_apart
+from samrl_ros.log_import.draft.tracks.angle_names import are_makers_letters
 from samrl_ros.log_import.draft.tracks.logged_tracks import LoggedTrack
 from samrl_ros.log_import.draft.tracks.pose_runs import PoseRuns, find_pose_runs
 from samrl_ros.log_import.draft.tracks.track_entries import (
@@ -125,6 +126,9 @@ def side_of(each: LoggedTrack) -> int:
     if each.role:
         return each.role
     words = each.words | set().union(*each.frames or ())
+    if not each.track.stem and each.track.named:  # rvec_x, tvec_x; X, Y, Z, A, B, C
+        words |= {word for name in each.track.used for word in words_in(name)}
+        words |= {"robot"} if are_makers_letters(each.track.used) else set()
     return bool(words & SEEN) - bool(words & CARRIED and not words & SEEN)
 
 

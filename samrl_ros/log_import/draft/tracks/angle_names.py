@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 Named = dict[tuple[tuple[str, ...], str], dict[str, str]]  # stem and kind -> letter -> column
 
@@ -46,3 +46,8 @@ def part_opencv(single: Named, units: dict[tuple[tuple[str, ...], str], str]) ->
         if (OPENCV, kind) in single:
             single[(), kind] = single.pop((OPENCV, kind))
             units[(), kind] = units.pop((OPENCV, kind))
+
+
+def are_makers_letters(names: Sequence[str]) -> bool:
+    """Whether columns are X, Y, Z and a robot maker's angles, and nothing else."""
+    return {name.lower() for name in names} in [{*"xyz", *maker} for maker in MAKERS]

@@ -24,6 +24,9 @@ def summary(diagnosis: Diagnosis, files: Sequence[str] = ()) -> list[str]:
         lines += _which(d)
     elif d.reasons:
         lines.append(_line("why", d.reasons[0]))
+    if d.ambiguity_set:
+        lines.append(_line("could be", " or ".join(_candidate(d, name) for name in d.ambiguity_set[0])))
+    lines += [_line("beside it", _candidate(d, e.name)) for e in words.beside(d)]
     if d.verdict == "no_gap" and d.least_sizes:
         lines.append(_line("seen from", f"{words.would_be_seen(d)} on, each alone; less is tolerance"))
     if d.gap is not None:
@@ -43,9 +46,6 @@ def summary(diagnosis: Diagnosis, files: Sequence[str] = ()) -> list[str]:
         lines.append(
             _line("looks like", f"{hint} ({correlation:+.2f}) at {words.place(s.place)}, {s.channel}")
         )
-    if d.ambiguity_set:
-        lines.append(_line("could be", " or ".join(_candidate(d, name) for name in d.ambiguity_set[0])))
-    lines += [_line("beside it", _candidate(d, e.name)) for e in words.beside(d)]
     if d.next_experiment is not None:
         n = d.next_experiment
         lines.append(

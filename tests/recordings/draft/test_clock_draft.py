@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -74,11 +75,13 @@ def test_stamps_without_any_noise_have_a_rate(tmp_path: Path) -> None:
 
 def test_a_clock_that_was_set_is_no_offset_and_told_when(tmp_path: Path) -> None:
     t, rng = seconds(), np.random.default_rng(3)
-    device = EPOCH + t + 0.25 * (t > 60.0) + 2e-4 * rng.standard_normal(COUNT)
+    device = EPOCH + t * (1 - 80e-6) + 0.25 * (t > 60.0) + 2e-4 * rng.standard_normal(COUNT)
     path = log(tmp_path / "run.csv", host_time=EPOCH + t, sensor_time=device)
     found = report(path, tmp_path / "report")
     assert found["verdict"] == "none_of_mine"
     assert any("step apart by +0.25" in note and "after 60." in note for note in found["notes"])
+    (told,) = {n for note in found["notes"] for n in re.findall(r"drift by (\S+) ppm", note)}
+    assert abs(float(told) + 80.0) < 3.0
 
 
 def test_counted_frames_ask_for_the_rate_and_lost_ones_are_no_drift(tmp_path: Path) -> None:

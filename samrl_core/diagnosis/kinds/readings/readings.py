@@ -28,6 +28,7 @@ LEAST = 40  # readings of a recording that is cut
 NEXT_DEPTHS_M = (0.3, 0.5, 0.8, 1.2, 1.8)
 NEXT_READINGS = 400
 NEXT_HOURS = 2.0
+SURE = 5.0  # standard deviations and tolerances, from which on a drift between steps is told
 PATTERN = 80.0  # [nat] beyond noise and tolerances, of which something is there whatever it is
 
 
@@ -138,12 +139,24 @@ class Readings(Kind[ReadingRecording]):
 
 def _steps(trials: Sequence[ReadingTrial]) -> list[str]:
     """Where clocks step apart, a sentence each: no offset and no drift is one there."""
-    return [
-        f"{t.name}: the clocks step apart by {size:+.4g} s after {when:.5g} s: one was set, or events were"
-        " lost; cut there with `rows` and diagnose the parts"
-        for t in trials
-        for when, size in t.jumps()
-    ]
+    out = []
+    for t in trials:
+        jumps = t.jumps()
+        drift = _drift_between(t, jumps) if jumps else ""
+        out += [
+            f"{t.name}: the clocks step apart by {size:+.4g} s after {when:.5g} s: one was set, or events were"
+            f" lost; {drift}cut there with `rows` and diagnose the parts"
+            for when, size in jumps
+        ]
+    return out
+
+
+def _drift_between(trial: ReadingTrial, jumps: Sequence[tuple[float, float]]) -> str:
+    """What else the clocks do, where it is beyond noise and tolerance."""
+    drift, deviation = trial.drift_between(jumps)
+    if abs(drift) < SURE * max(deviation, trial.recording.tolerances.drift):
+        return ""
+    return f"between steps they drift by {1e6 * drift:+.3g} ppm; "
 
 
 def split_readings(

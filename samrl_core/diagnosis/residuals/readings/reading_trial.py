@@ -163,6 +163,16 @@ class ReadingTrial(Observed):
             rise[near] = 0.0
         return found
 
+    def drift_between(self, jumps: Sequence[tuple[float, float]]) -> tuple[float, float]:
+        """By how much the clocks drift between their steps [s/s], and its standard deviation."""
+        time, y = self.elapsed(""), self._error / self._sigma
+        near = NEXT_TO_STEP * float(np.median(np.diff(time)))
+        rows = [np.ones_like(time), time - np.mean(time), *(time > when for when, _ in jumps)]
+        far = np.all([np.abs(time - when) > near for when, _ in jumps], axis=0)
+        a = (np.stack(rows, axis=1) / self._sigma[:, None])[far]
+        covariance = np.linalg.pinv(a.T @ a)
+        return float((covariance @ (a.T @ y[far]))[1]), float(np.sqrt(covariance[1, 1]))
+
     @property
     def _growth(self) -> np.ndarray:
         """Noise (N,) against that of a reading at 1 m, or of any stamp."""

@@ -71,8 +71,8 @@ def load_reading_files(
 def shared_readings(known: ReadingRecording, unseen: ReadingRecording) -> float:
     """Share of the readings of `unseen`, with their references, that are also in `known`.
 
-    Rounded readings repeat by chance, as depth in whole millimetres at one distance does. Where those of `known`
-    repeat within it, runs of `unseen` count that occur there in the same order, or all of it.
+    Rounded readings repeat by chance, as depth in whole millimetres at one distance does. Where those of
+    `known` repeat within it, runs of `unseen` count that occur there in the same order, or all of it.
     """
     seen, other = (np.stack([r.reading, r.reference], axis=1) for r in (known, unseen))
     cells = seen.view("f8,f8")[:, 0]

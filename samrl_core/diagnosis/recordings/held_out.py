@@ -58,7 +58,7 @@ def shared_samples(seen: ArmRecording, unseen: ArmRecording) -> float:
 
 
 def shared_runs(seen: np.ndarray, unseen: np.ndarray, run: int, distinct: int) -> float:
-    """Share of the runs of `run` rows of `unseen` (M, K) that occur, bit for bit and in order, in `seen` (N, K).
+    """Share of the runs of `run` rows of `unseen` (M, K) that occur, bit for bit, in `seen` (N, K).
 
     Runs of fewer than `distinct` different rows do not count: they repeat by chance.
     """

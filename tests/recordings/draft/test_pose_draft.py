@@ -245,7 +245,7 @@ def test_files_of_several_runs_are_recordings_of_one_chain(pattern: str, tmp_pat
 
 
 def test_stamps_in_two_columns_and_runs_of_a_kuka_with_a_board(tmp_path: Path) -> None:
-    """Nanoseconds beside whole seconds are the rest of a stamp; letters of KUKA's angles need no other name."""
+    """Nanoseconds beside whole seconds are the rest of a stamp; KUKA's letters need no other name."""
     seen, flange = still_camera()
     half = len(seen) // 2
     for number, rows in ((1, slice(0, half)), (2, slice(half, None))):

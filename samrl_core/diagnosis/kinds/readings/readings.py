@@ -144,8 +144,8 @@ def _steps(trials: Sequence[ReadingTrial]) -> list[str]:
         jumps = t.jumps()
         drift = _drift_between(t, jumps) if jumps else ""
         out += [
-            f"{t.name}: the clocks step apart by {size:+.4g} s after {when:.5g} s: one was set, or events were"
-            f" lost; {drift}cut there with `rows` and diagnose the parts"
+            f"{t.name}: the clocks step apart by {size:+.4g} s after {when:.5g} s: one was set, or events"
+            f" were lost; {drift}cut there with `rows` and diagnose the parts"
             for when, size in jumps
         ]
     return out

@@ -169,8 +169,8 @@ def _describe_unit(chosen: SeenTrack, fall: FreeFall | None, entry: dict[str, An
         if chosen.curve is not None:
             question = (
                 f"what looks like a fall does not have {G:.2f} m/s^2 in it: does the body fly freely, or is"
-                " it carried? If it flies, are unit, frame rate and `gravity` right? If it slides down an incline,"
-                " write `incline: ANGLE` (in degrees, +x downhill) in place of `gravity`"
+                " it carried? If it flies, are unit, frame rate and `gravity` right? If it slides down an"
+                " incline, write `incline: ANGLE` (in degrees, +x downhill) in place of `gravity`"
             )
         draft.note(key, f"the log says {said}", question)
         return

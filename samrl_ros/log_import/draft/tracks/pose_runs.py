@@ -48,7 +48,7 @@ def find_pose_runs(placed: Sequence[LoggedTrack], side: Callable[[LoggedTrack], 
 def _sides(
     placed: Sequence[LoggedTrack], side: Callable[[LoggedTrack], int]
 ) -> tuple[list[LoggedTrack], list[LoggedTrack]]:
-    """Poses of targets and of flanges; where names do not say it of all, those of two layouts, likelier first.
+    """Poses of targets and of flanges; where names do not say it of all, those of two layouts, by likelihood.
 
     Who is who is then asked; which files are one run is told by their names alone.
     """

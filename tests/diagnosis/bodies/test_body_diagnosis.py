@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -129,6 +130,18 @@ def test_gravity_from_elsewhere_is_named_by_tosses() -> None:
     assert d.verdict == "effect" and d.effects[0].name == "base_tilt@cell"
     assert abs(only(d)["ax"][0] - np.arctan2(0.5, 9.8)) < 0.005
     assert "object_mass" in d.not_testable and "drops out" in d.not_testable["object_mass"]
+
+
+def test_a_frame_that_leans_by_far_is_told_with_the_gravity_to_state() -> None:
+    """Beyond what a tilt is looked for, it was an unknown force that looked like spin."""
+    true = 9.81 * np.array([-0.13, 0.295, -0.947])
+    tosses = several(toss, World(gravity=tuple(true)), COUNT, 2, turns=False)
+    d = told(tosses)
+    assert d.verdict == "none_of_mine"
+    (said,) = re.findall(r"state `gravity: \[(.+?)\]`", d.alarms[0])
+    stated = tuple(float(x) for x in said.split(","))
+    assert np.linalg.norm(np.array(stated) - true) < 0.1
+    assert told([replace(r, gravity=stated) for r in tosses]).verdict == "no_gap"
 
 
 def test_a_centre_of_mass_that_is_elsewhere_is_named_by_turning_tosses() -> None:

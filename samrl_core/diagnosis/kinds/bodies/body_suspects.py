@@ -99,8 +99,8 @@ def leaning_gravity(trials: Sequence[BodyTrial]) -> list[str]:
         return []
     fitted = ", ".join(f"{x:.3g}" for x in whole * pull / size)
     return [
-        f"gravity leans by {np.degrees(lean):.1f} degrees: state `gravity: [{fitted}]` if the track's frame does"
-        f" so; a tilt is looked for up to {np.degrees(PLAUSIBLE * MOST_TILT):.0f} degrees"
+        f"gravity leans by {np.degrees(lean):.1f} degrees: state `gravity: [{fitted}]` if the track's frame"
+        f" does so; a tilt is looked for up to {np.degrees(PLAUSIBLE * MOST_TILT):.0f} degrees"
     ]
 
 

@@ -87,8 +87,8 @@ def formula_deviation(evidence: Evidence, fit: Fit, index: int) -> float:
     # Undo this effect alone: what it had to explain.
     alone = likelihood.minus(h.regressors, -fit.amplitudes[index], rest)
     before, after = likelihood.deficit(alone, k, there), likelihood.deficit(rest, k, there)
-    # Where what is open could be nearly the same, the deficit misses it; it had to explain what it wins, too.
-    before = max(before, _worth(evidence, fit, index))
+    if likelihood.exact:  # where what is open could be nearly the same, the deficit misses what it explains
+        before = max(before, _worth(evidence, fit, index))
     return float(
         np.hypot(
             h.form.deviation, REMAINDER_TO_FORMULA * np.sqrt(np.clip(after / max(before, 1e-9), 0.0, 1.0))

@@ -14,6 +14,7 @@ TEMPERATURE = 2.0  # of probabilities [nat]; a temperature of one trusts every f
 RELATIVE_TEMPERATURE = 0.0025  # of the best evidence, likewise: a tie within a quarter of a percent is one
 REMAINDER_TEMPERATURE = 0.5  # of what the best leaves unexplained, likewise
 SAMPLES = 400
+MISSED = 2.0  # times the deficit, that an effect may be worth before that is taken to have missed it
 REMAINDER_TO_FORMULA = 0.3  # the same per relative size of what the formula leaves where it acts
 
 
@@ -87,8 +88,9 @@ def formula_deviation(evidence: Evidence, fit: Fit, index: int) -> float:
     # Undo this effect alone: what it had to explain.
     alone = likelihood.minus(h.regressors, -fit.amplitudes[index], rest)
     before, after = likelihood.deficit(alone, k, there), likelihood.deficit(rest, k, there)
-    if likelihood.exact:  # where what is open could be nearly the same, the deficit misses what it explains
-        before = max(before, _worth(evidence, fit, index))
+    # Where transforms that nobody states could be nearly the same, the deficit misses what it explains.
+    if likelihood.exact and (worth := _worth(evidence, fit, index)) > MISSED * before:
+        before = worth
     return float(
         np.hypot(
             h.form.deviation, REMAINDER_TO_FORMULA * np.sqrt(np.clip(after / max(before, 1e-9), 0.0, 1.0))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -103,7 +103,7 @@ def find_frames(each: LoggedTrack, used: Sequence[str]) -> str:
     return ""
 
 
-def _nanoseconds_of(name: str, names: Sequence[str]) -> str:
+def _nanoseconds_of(name: str, names: Iterable[str]) -> str:
     """The column that holds the rest of a ROS stamp's whole seconds."""
     words = words_in(name)
     if not words or words[-1] not in _WHOLE_SECONDS:

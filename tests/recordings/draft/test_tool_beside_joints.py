@@ -29,6 +29,9 @@ def _write(path: Path) -> None:
         signals |= {f"{name}_qd_{k}": np.gradient(q[k], time) for k in AXES}
         signals |= {f"{name}_current_{k}": 1.4 * np.sin(t + k) for k in AXES}
         signals |= {f"{name}_TCP_pose_{k}": pose[k] for k in AXES}
+        signals |= {f"{name}_TCP_speed_{k}": np.gradient(pose[k], time) for k in AXES}
+    signals |= {f"target_moment_{k}": 10.0 * np.sin(time + k) for k in AXES}
+    signals |= {f"actual_TCP_force_{k}": 5.0 * np.cos(time + k) for k in AXES}
     header = [*signals, "target_current_0"]  # asked for twice
     rows = zip(*signals.values(), signals["target_current_0"], strict=True)
     path.write_text("\n".join([",".join(header), *(",".join(f"{x:.6f}" for x in row) for row in rows)]))
@@ -47,7 +50,8 @@ def test_where_the_tool_was_sent_is_no_target_of_a_camera(tmp_path: Path) -> Non
         "states": [f"actual_q_{k}" for k in AXES],
         "command": [f"target_q_{k}" for k in AXES],
     }
-    assert not draft.questions
+    assert not draft.questions and "commanded_effort" not in draft.channels
+    assert "effort" not in draft.channels["states"]
 
 
 def test_turns_of_a_tool_are_no_joints(tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ from samrl_ros.log_import.draft.text_layout import stated_options
 # Arms with torque sensors behind the gears, by how their makers' packages name the joints.
 _LINK_SENSORS = ("panda_joint", "fr3_joint", "fer_joint", "iiwa_joint", "lbr_", "lbr_iiwa", "rizon", "gen3_")
 _OF_DRIVES = frozenset("motor motors drive drives actuator actuators".split())
+_RTDE_MODEL = "target_moment_{}"
 _FOLLOWS = 0.8  # correlation from which a block is taken as what the arm followed
 _MOVES_WITH = 0.98  # correlation from which a block of an unknown name is taken as the command, and asked for
 
@@ -336,6 +337,9 @@ def _add_commanded_effort(
     if not there:
         return None
     best = there[0]
+    if best.block.stem == _RTDE_MODEL:
+        draft.unused.append(f"{name_of(best)}: by RTDE's guide of the robot's own model, which no drive gave")
+        return None
     if leaves_gravity_out(best):
         draft.unused.append(
             f"{name_of(best)}: commanded without the gravity that the robot adds itself; add that, then use"

@@ -26,6 +26,7 @@ from samrl_ros.log_import.draft.joints.channels import (
     name_of,
     quantity_of,
 )
+from samrl_ros.log_import.draft.joints.named_blocks import nothing_measured, without_tool
 from samrl_ros.log_import.draft.joints.speed_alone import integrate_speeds
 from samrl_ros.log_import.draft.joints.told_by_model import is_without_gravity, settle_by_model, told_by_model
 from samrl_ros.log_import.draft.joints.torque_switch import add_torque_switch
@@ -37,7 +38,6 @@ from samrl_ros.recordings.read import chained_joints, moving_joints
 
 _MOST_EPISODES = 20  # of a dataset, that become recordings
 _RTDE = ("actual_q_{}", "target_q_{}")  # Universal Robots, Real-Time Data Exchange guide
-_SHOWN = 20  # columns that a message names
 _COUNTED = frozenset("counts count encoder enc tick ticks".split())
 _FULL_TURNS = 4 * np.pi  # [rad] more than a joint of an arm turns: degrees
 
@@ -82,6 +82,7 @@ def draft_mapping(
     found = [
         NamedBlock(part, block, _meaning(part, block, several)) for part in parts for block in part.blocks
     ]
+    found = without_tool(found, draft)
     position = _measured_position(found, joints, draft)
     order = _joints(position, joints, urdf, draft)
     found = [_label_by_name(each, order) for each in found]
@@ -286,7 +287,7 @@ def _measured_position(found: list[NamedBlock], joints: Sequence[str], draft: Dr
         wanted = [c for c in wanted if not c.meaning.commanded]
         reason = ""
     if not wanted:
-        raise InputError(_nothing_measured(found))
+        raise InputError(nothing_measured(found))
     fits = [c for c in wanted if joints and set(c.block.labels) & set(joints)] or wanted
     best = max(
         fits,
@@ -308,17 +309,6 @@ def _measured_position(found: list[NamedBlock], joints: Sequence[str], draft: Dr
     if reason or question:
         draft.note("channels.states.position", f"{name_of(best)}: {reason}", question)
     return best
-
-
-def _nothing_measured(found: Sequence[NamedBlock]) -> str:
-    """Why no position was found, and what to do about it."""
-    columns = [f"{c.part.path.name}: {name}" for c in found for name in c.block.columns]
-    if not columns:
-        return "the log holds no columns of numbers; name the file of the motion"
-    shown = ", ".join(columns[:_SHOWN]) + (", ..." if len(columns) > _SHOWN else "")
-    if all(name.isdecimal() for c in found for name in c.block.columns):
-        return f"{shown} have no names; name the columns in a first line, such as time,q1,q2,tau1,tau2"
-    return f"no measured position was found among {shown}; write the mapping by hand"
 
 
 def _joints(position: NamedBlock, joints: Sequence[str], urdf: str | None, draft: Draft) -> list[str]:

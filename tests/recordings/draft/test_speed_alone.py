@@ -45,3 +45,9 @@ def test_a_speed_without_a_unit_asks_for_it(tmp_path: Path) -> None:
 def test_what_is_no_measured_speed_is_none(header: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no measured position was found among step.csv: "):
         _draft(tmp_path / "step.csv", header, WANTED)
+
+
+def test_a_column_alone_is_compared_with_nothing(tmp_path: Path) -> None:
+    (tmp_path / "stamps.csv").write_text("\n".join(f"{1470744587.966 + k:.6f}" for k in range(60)))
+    with pytest.raises(InputError, match="is one column, .* a second clock's stamps, the true distance"):
+        draft_any([tmp_path / "stamps.csv"], None, None)

@@ -26,6 +26,11 @@ def nothing_measured(found: Sequence[NamedBlock]) -> str:
     columns = [f"{c.part.path.name}: {name}" for c in found for name in c.block.columns]
     if not columns:
         return "the log holds no columns of numbers; name the file of the motion"
+    if len(columns) == 1:
+        return (
+            f"{columns[0]} is one column, and nothing to compare it with is beside it: a second clock's"
+            " stamps, the true distance, a command; columns need names in a first line, such as device,host"
+        )
     shown = ", ".join(columns[:_SHOWN]) + (", ..." if len(columns) > _SHOWN else "")
     if all(name.isdecimal() for c in found for name in c.block.columns):
         return f"{shown} have no names; name the columns in a first line, such as time,q1,q2,tau1,tau2"

@@ -98,17 +98,22 @@ import numpy as np
 
 CONTENT = json.loads((Path(__file__).parent / "randomise.json").read_text())
 ENTRIES = CONTENT["draw"]
+TRIES = 256  # draws of which the first within all ranges is taken
 
 
 def draw(generator=None, within95=True):
-    """One draw as [(entry, value), ...], by the covariance, within each 95 % range unless told not to."""
+    """One draw as [(entry, value), ...], by the covariance, within each 95 % range unless told not to.
+
+    What lies outside is drawn again; only of many numbers that never are all inside the last are cut.
+    """
     generator = generator or np.random.default_rng()
     mean = np.array([e["mean"] for e in ENTRIES])
-    values = generator.multivariate_normal(mean, np.array(CONTENT["covariance"]), method="svd")
-    if within95:
-        low, high = np.array([e["range95"] for e in ENTRIES]).T
-        values = np.clip(values, low, high)
-    return list(zip(ENTRIES, values.tolist()))
+    draws = generator.multivariate_normal(mean, np.array(CONTENT["covariance"]), TRIES, method="svd")
+    if not within95:
+        return list(zip(ENTRIES, draws[0].tolist()))
+    low, high = np.array([e["range95"] for e in ENTRIES]).T
+    beyond = np.count_nonzero((draws < low) | (draws > high), axis=1)
+    return list(zip(ENTRIES, np.clip(draws[np.argmin(beyond)], low, high).tolist()))
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import runpy
 import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +19,7 @@ from samrl_core.diagnosis.export.export import TARGETS, write_export
 from samrl_core.diagnosis.export.generated_mjcf import generated_mjcf
 from samrl_core.diagnosis.export.missing import WORDS
 from samrl_core.diagnosis.export.nearest import BEYOND, PLAIN, level_and_slope
+from samrl_core.diagnosis.export.randomise import SCRIPT
 from samrl_core.diagnosis.export.to_mjcf import IN_ACTUATOR, to_mjcf
 from samrl_core.diagnosis.export.to_urdf import to_urdf
 from samrl_core.diagnosis.simulation.plant_parameters import joint_fields
@@ -78,6 +80,19 @@ def test_another_engine_closes_the_gap_that_was_promised(
     assert np.shape(drawn["covariance"]) == (1, 1)
     page = (tmp_path / target / "export.html").read_text()
     assert "friction" in page and "data:image/png" in page
+
+
+def test_draws_do_not_pile_up_at_the_ends_of_their_ranges(tmp_path: Path) -> None:
+    """One in twenty of each number was cut to an end, which no posterior has there."""
+    covariance = np.array([[1.0, 0.9], [0.9, 1.0]])
+    entries = [{"mean": 0.0, "range95": [-1.96, 1.96]} for _ in covariance]
+    (tmp_path / "randomise.json").write_text(json.dumps({"draw": entries, "covariance": covariance.tolist()}))
+    (tmp_path / "randomise.py").write_text(SCRIPT)
+    script = runpy.run_path(str(tmp_path / "randomise.py"))
+    rng = np.random.default_rng(0)
+    values = np.array([[value for _, value in script["draw"](rng)] for _ in range(400)])
+    assert np.all(np.abs(values) < 1.96) and np.abs(values).max() > 1.8
+    assert np.corrcoef(values.T)[0, 1] > 0.8
 
 
 @pytest.mark.parametrize("target", TARGETS)

@@ -64,3 +64,11 @@ def test_turns_of_a_tool_are_no_joints(tmp_path: Path) -> None:
     (tmp_path / "robot.csv").write_text("\n".join([",".join(signals), *rows]))
     draft = draft_any([tmp_path / "robot.csv"], None, None)
     assert draft.kind == "joints" and draft.joints == [f"j{k + 1}" for k in AXES]
+
+
+def test_dates_of_whole_seconds_are_no_time_of_rows(tmp_path: Path) -> None:
+    rows = [f"2024-09-24 14:05:{k // 50:02d},{0.5 * np.sin(0.02 * k):.6f}" for k in range(500)]
+    (tmp_path / "arm.csv").write_text("\n".join(["Timestamp,q1_rad", *rows]))
+    draft = draft_any([tmp_path / "arm.csv"], None, None)
+    assert draft.sources["states"]["time"] == {"rate_hz": 55.6}  # 500 rows from the first to the tenth second
+    assert any("what is the rate" in question for question in draft.questions)

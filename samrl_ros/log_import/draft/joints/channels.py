@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from samrl_ros.log_import.draft import evidence
-from samrl_ros.log_import.draft.blocks import LogBlock, LogPart
-from samrl_ros.log_import.draft.column_names import NameMeaning, meaning, words_in
+from samrl_ros.log_import.draft.column_names import words_in
 from samrl_ros.log_import.draft.guess import Draft, Effort
 from samrl_ros.log_import.draft.joints.arm_messages import ARM_MESSAGES, is_libfranka
-from samrl_ros.log_import.draft.text_layout import stated_options
+from samrl_ros.log_import.draft.joints.named_sources import NamedBlock, add_source, name_of, quantity_of
 
 # Arms with torque sensors behind the gears, by how their makers' packages name the joints.
 _LINK_SENSORS = ("panda_joint", "fr3_joint", "fer_joint", "iiwa_joint", "lbr_", "lbr_iiwa", "rizon", "gen3_")
@@ -21,81 +19,6 @@ _OF_DRIVES = frozenset("motor motors drive drives actuator actuators".split())
 _RTDE_MODEL = "target_moment_{}"
 _FOLLOWS = 0.8  # correlation from which a block is taken as what the arm followed
 _MOVES_WITH = 0.98  # correlation from which a block of an unknown name is taken as the command, and asked for
-
-
-@dataclass(frozen=True, eq=False)
-class NamedBlock:
-    """A block of a log, and what its names mean."""
-
-    part: LogPart
-    block: LogBlock
-    meaning: NameMeaning
-
-
-def add_source(part: LogPart, name: str, draft: Draft) -> np.ndarray:
-    """Adds the part as a source; its times [s]."""
-    key, table = f"sources.{name}.time", part.table
-    source: dict[str, Any] = {"file": part.path.name}
-    if part.part:
-        source["part"] = part.part
-    if stated := stated_options(part.csv):
-        source["csv"] = stated
-    draft.sources[name] = source
-    rows = len(part.blocks[0].rows)
-    if table.time is not None:
-        draft.note(key, "the header's stamps" if "header.stamp" in table.columns else "the log's own")
-        time = table.time
-    elif part.times:
-        column = part.times[0]
-        values = table.numbers(column, "the log")
-        said = meaning(column).unit if meaning(column).unit in ("s", "ms", "us", "ns") else ""
-        units = evidence.time_unit(np.diff(values))
-        unit = said or (units[0] if units else "s")
-        question = "" if said or len(units) == 1 else f"is {column!r} in {unit}?"
-        why = "its name says so" if said else f"steps of {np.median(np.diff(values)):g}"
-        draft.note(key, f"{column!r} in {unit}: {why}", question)
-        source["time"] = {"column": column, "unit": unit}
-        time = values * {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}[unit]
-    elif part.dates:
-        draft.note(key, f"{part.dates[0]!r} holds dates")
-        source["time"] = {"column": part.dates[0], "iso": True}
-        time = table.times(part.dates[0], "the log")
-    else:
-        draft.note(key, "no column is named as time", "what is the rate [Hz]? 100 is a placeholder")
-        source["time"] = {"rate_hz": 100.0}
-        time = np.arange(rows) / 100.0
-    if "time" in source and (np.diff(time) <= 0).any():
-        source["time"] = {**source["time"], "repeated": "drop"}
-        draft.note(key, f"{int((np.diff(time) <= 0).sum())} steps do not increase; such rows are left out")
-    source["columns"] = {}
-    return time
-
-
-def quantity_of(each: NamedBlock, order: list[str], unit: str, draft: Draft, source: str) -> dict[str, Any]:
-    """A quantity in the order of the joints; its columns are added to the source."""
-    block = each.block
-    columns: dict[str, str] = draft.sources[source]["columns"]
-    prefix = "_".join(word for word in words_in(block.stem) if word.isidentifier())[:24] or "x"
-    if not prefix.isidentifier():
-        prefix = f"x_{prefix}"
-    if not block.rows.all():
-        draft.sources[source]["missing"] = "drop_row"
-    if len(block.columns) == 1 and len(block.labels) > 1:
-        key = _free(columns, prefix)
-        columns[key] = block.columns[0]
-        return {"formula": [f"{key}[{block.labels.index(label)}]" for label in order], "unit": unit}
-    formulas = []
-    for number, label in enumerate(order, 1):
-        key = _free(columns, f"{prefix}_{number}")
-        columns[key] = block.columns[block.labels.index(label)]
-        formulas.append(key)
-    return {"formula": formulas, "unit": unit}
-
-
-def _free(columns: dict[str, str], name: str) -> str:
-    while name in columns or name == "time":
-        name += "_"
-    return name
 
 
 def _beside(
@@ -386,10 +309,3 @@ def add_motor_input(
         f"what are {asked}, gear ratio and rotor inertia [kg m2] of the motor? These are placeholders",
     )  # fmt: skip
     return [best]
-
-
-def name_of(each: NamedBlock) -> str:
-    """How messages name a block: topic or file, and column."""
-    place = f"{each.part.part}: " if each.part.part else ""
-    file = "" if each.part.part else f"{each.part.path.name}: "
-    return f"{file}{place}{each.block.stem}"

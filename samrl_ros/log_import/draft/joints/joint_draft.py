@@ -17,16 +17,9 @@ from samrl_ros.log_import.draft.blocks import LogBlock, LogPart, read_parts
 from samrl_ros.log_import.draft.column_names import NameMeaning, meaning, words_in
 from samrl_ros.log_import.draft.guess import Draft, Effort
 from samrl_ros.log_import.draft.joints.arm_messages import ARM_MESSAGES, is_libfranka, numbered_joints
-from samrl_ros.log_import.draft.joints.channels import (
-    NamedBlock,
-    add_command,
-    add_effort,
-    add_source,
-    add_velocity,
-    name_of,
-    quantity_of,
-)
+from samrl_ros.log_import.draft.joints.channels import add_command, add_effort, add_velocity
 from samrl_ros.log_import.draft.joints.named_blocks import nothing_measured, without_tool
+from samrl_ros.log_import.draft.joints.named_sources import NamedBlock, add_source, name_of, quantity_of
 from samrl_ros.log_import.draft.joints.speed_alone import integrate_speeds
 from samrl_ros.log_import.draft.joints.told_by_model import is_without_gravity, settle_by_model, told_by_model
 from samrl_ros.log_import.draft.joints.torque_switch import add_torque_switch

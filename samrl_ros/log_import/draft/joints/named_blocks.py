@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from samrl_ros.log_import.draft.column_names import words_in
 from samrl_ros.log_import.draft.guess import Draft
-from samrl_ros.log_import.draft.joints.channels import NamedBlock, name_of
+from samrl_ros.log_import.draft.joints.named_sources import NamedBlock, name_of
 
 _TOOL = frozenset("tcp eef ee".split())
 _SHOWN = 20  # columns that a message names

@@ -9,7 +9,7 @@ import numpy as np
 
 from samrl_ros.log_import.draft.column_names import words_in
 from samrl_ros.log_import.draft.guess import Draft
-from samrl_ros.log_import.draft.joints.channels import NamedBlock, name_of, quantity_of
+from samrl_ros.log_import.draft.joints.named_sources import NamedBlock, name_of, quantity_of
 from samrl_ros.log_import.formulas import integral
 
 _POSITIONS = {"rad/s": ("rad", 1.0), "deg/s": ("deg", 1.0), "rpm": ("rev", 60.0)}  # unit, speeds in one

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from samrl_ros.log_import.draft.guess import Draft
-from samrl_ros.log_import.draft.joints.channels import NamedBlock, name_of, quantity_of
+from samrl_ros.log_import.draft.joints.named_sources import NamedBlock, name_of, quantity_of
 
 
 def add_torque_switch(

@@ -13,7 +13,7 @@ import numpy as np
 
 from samrl_core.diagnosis.recordings.turns import find_wraps
 from samrl_ros.log_import.draft.guess import Draft
-from samrl_ros.log_import.draft.joints.channels import NamedBlock, name_of
+from samrl_ros.log_import.draft.joints.named_sources import NamedBlock, name_of
 
 _TURNS = {"rad": 2.0 * np.pi, "deg": 360.0, "rev": 1.0}
 _TURN_WORDS = {"rad": "2 * pi", "deg": "360", "rev": "1"}

@@ -48,8 +48,7 @@ PLAIN_VERDICT = {
     "no_gap": "Whatever difference remains is no larger than what sensors and stated tolerances explain. "
     "Nothing needs to be added to the model.",
     "effect": "The cause below explains the difference between model and machine.",
-    "ambiguous": "Each of the candidates below fits about equally well. Choosing one would be a guess; "
-    "a further recording decides.",
+    "ambiguous": "Each of the candidates below fits about equally well. Choosing one would be a guess; ",
     "none_of_mine": "The machine differs from its model, but adding any known effect would fit for "
     "the wrong reason. What the difference looks like stands below.",
     "not_testable": "What was recorded does not show enough to tell model and machine apart.",
@@ -87,6 +86,13 @@ class RankedOverlay:
     after: float  # with the effect; NaN without one
 
 
+def _who_decides(d: Diagnosis) -> str:
+    """End of an ambiguous verdict's sentence: a recording, where one is known that splits the candidates."""
+    if d.verdict != "ambiguous":
+        return ""
+    return "a further recording decides." if d.next_experiment else "no recording is known that decides."
+
+
 def to_html(diagnosis: Diagnosis, picture: bytes | None = None) -> str:
     """The page; `picture` is a PNG that readers see where scripts do not run (mail, previews)."""
     d = diagnosis
@@ -100,7 +106,7 @@ def to_html(diagnosis: Diagnosis, picture: bytes | None = None) -> str:
         .render(
             d=d,
             causes=causes,
-            plain_verdict=PLAIN_VERDICT[d.verdict],
+            plain_verdict=PLAIN_VERDICT[d.verdict] + _who_decides(d),
             seconds=sum(i.duration for i in d.inputs),
             key_figures=_key_figures(d),
             picture=base64.b64encode(picture).decode() if picture is not None else None,

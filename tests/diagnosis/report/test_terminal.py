@@ -80,6 +80,7 @@ def test_what_is_there_beside_the_candidates_is_shown_with_its_size() -> None:
     text = " ".join(" ".join(summary(both)).split())
     assert f"beside it {words.effect(samples.DELAY.name)} ({words.parameters(samples.DELAY)})" in text
     assert words.parameters(samples.DELAY) in to_html(both)
+    assert "no recording is known that decides" in to_html(replace(both, next_experiment=None))
     assert "beside it" not in " ".join(summary(d))
 
 

@@ -99,6 +99,9 @@ def _options(lines: Sequence[str], tab: bool) -> CsvOptions | None:
         how["comment"] = comment[:1]
     if again:
         return CsvOptions(**how, header=again, skip_lines=begin)
+    if not names and _cells(lines[begin], delimiter) == [str(k) for k in range(width)]:
+        # The numbers of columns, as pandas writes them where they have no names.
+        return None if plain and begin == 0 else CsvOptions(**how, skip_lines=0 if comment else begin)
     if not names and not above and _are_matrices(own, delimiter):
         return CsvOptions(**how, header=False, rows_per_sample=4)
     if not names:

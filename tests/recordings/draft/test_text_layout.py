@@ -21,6 +21,7 @@ PLAIN = ["0.1,2,3", "0.2,3,4", "0.3,4,5.5"]
     [
         ("plain.csv", ["t,x,y", *PLAIN], {}, ["t", "x", "y"]),
         ("bare.csv", PLAIN, {"header": False}, ["0", "1", "2"]),
+        ("numbered.csv", ["0,1,2", *PLAIN], {}, ["0", "1", "2"]),  # as pandas writes columns without names
         ("hash.csv", ["#t, x, y", *PLAIN], {}, ["#t", "x", "y"]),
         ("tabs.tsv", ["t\tx\ty", *[r.replace(",", "\t") for r in PLAIN]], {}, ["t", "x", "y"]),
         (

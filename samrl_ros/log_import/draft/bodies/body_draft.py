@@ -49,6 +49,11 @@ ROLLS = (
     "{} by its name: does it roll? Then write `body: {{sphere: radius}}` or `{{cylinder: [radius, height]}}`"
     " and `rolls: true` beside `normal`; a puck slides"
 )
+_UNNAMED = {  # what is asked of columns without names, by what gives their rotation
+    "matrix": "is it a matrix of 3 rows of 4, row by row (the KITTI format)?",
+    "quaternion": "is it a position and a quaternion x, y, z, w after the time (the TUM format)?",
+    "rotation_vector": "is it a position and a rotation vector?",
+}
 
 
 def draft_bodies(tracks: Sequence[LoggedTrack]) -> Draft | None:
@@ -115,10 +120,10 @@ def _describe_track(
     if not each.track.named:
         draft.note(
             "bodies.track.position",
-            f"columns {each.track.names} have no names; their numbers are those of poses",
-            "is it a matrix of 3 rows of 4, row by row (the KITTI format)?"
-            if each.track.rotation == "matrix"
-            else "is it a position and a quaternion x, y, z, w after the time (the TUM format)?",
+            f"columns {each.track.names} have no names; their numbers may be those of a body",
+            _UNNAMED.get(
+                each.track.rotation, "are they x, y and z of a position, after a time if there is one?"
+            ),
         )
     return entry
 

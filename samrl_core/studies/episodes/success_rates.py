@@ -67,7 +67,10 @@ def compared(cases: Sequence[Case], others: Sequence[Case]) -> dict[str, Any]:
 
 
 def write_bars(summary: dict[str, dict[str, dict[str, Any]]], title: str, path: Path) -> None:
-    """A picture of `rates` by task and condition: bars of success with Wilson intervals."""
+    """A picture of `rates` by task and condition: bars of success with Wilson intervals.
+
+    Bars of one task have their names below, as a bar of no height shows no colour.
+    """
     names = list(dict.fromkeys(name for of_task in summary.values() for name in of_task))
     figure, axis = plt.subplots(figsize=(2.5 + 3.2 * len(summary), 4.2), layout="constrained")
     width = 0.85 / len(names)
@@ -82,9 +85,15 @@ def write_bars(summary: dict[str, dict[str, dict[str, Any]]], title: str, path: 
             axis.annotate(
                 f"n={row['trials']}", (position, 1), rotation=90, ha="center", va="bottom", fontsize=6
             )
-    axis.set_xticks(range(len(summary)), [task.replace("_", " ") for task in summary])
     axis.set(ylim=(0, 105), ylabel="success by truth [%], 95 % intervals", title=title)
-    axis.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    if len(summary) == 1:
+        below = (np.arange(len(names)) - (len(names) - 1) / 2) * width
+        labels = [name.replace("_", " ") for name in names]
+        axis.set_xticks(below, labels, rotation=30, ha="right", fontsize=8)
+        axis.set_xlabel(next(iter(summary)).replace("_", " "))
+    else:
+        axis.set_xticks(range(len(summary)), [task.replace("_", " ") for task in summary])
+        axis.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
     save_figure(figure, path, dpi=110)
     plt.close(figure)
 

@@ -110,8 +110,14 @@ def _shows_nowhere(selection: Selection, far: HowFar, settings: VerdictSettings)
     return (
         selection.held_out_excess < settings.shown
         and selection.excess < settings.no_gap
-        and chosen.log_evidence < settings.clearly * selection.threshold
+        and not _is_sure(selection, settings)
     )
+
+
+def _is_sure(selection: Selection, settings: VerdictSettings) -> bool:
+    """Whether fitted recordings show what was chosen beyond any chance."""
+    won = 0.0 if selection.chosen is None else selection.chosen.log_evidence
+    return won >= settings.clearly * selection.threshold
 
 
 def _without_a_cause(selection: Selection, settings: VerdictSettings) -> Decision:
@@ -179,7 +185,7 @@ def _denials(selection: Selection, far: HowFar, settings: VerdictSettings) -> li
             )
         elif selection.held_out_remaining > selection.held_out_excess + settings.visible:
             out.append("with it, held-out recordings fit worse than without")
-    if far.gap is not None and far.gap.shrink is not None and _grows(far.gap, settings):
+    if far.gap is not None and far.gap.shrink is not None and _grows(selection, far.gap, settings):
         out.append(f"with it, the gap on held-out recordings grows by {-far.gap.shrink:.0%}")
     return out
 
@@ -307,10 +313,15 @@ def denies(selection: Selection, settings: VerdictSettings) -> bool:
     return selection.held_out_expected > settings.shown and selection.held_out_gain < 0.0
 
 
-def _grows(gap: HeldOutGap, settings: VerdictSettings) -> bool:
-    """Whether held-out recordings come less close with what is named: much, or little and for sure."""
-    much = gap.shrink is not None and gap.shrink < settings.worse
-    return much or (gap.ci95 is not None and gap.ci95[1] < 0.0)
+def _grows(selection: Selection, gap: HeldOutGap, settings: VerdictSettings) -> bool:
+    """Whether held-out recordings come less close with what is named: much, or little and for sure.
+
+    What is sure on fitted recordings is not denied by a little where the gap lies within tolerances.
+    """
+    if gap.shrink is not None and gap.shrink < settings.worse:
+        return True
+    within = gap.nominal < 1.0 and _is_sure(selection, settings)
+    return not within and gap.ci95 is not None and gap.ci95[1] < 0.0
 
 
 def _by_a_twin(selection: Selection, gap: HeldOutGap) -> bool:

@@ -372,11 +372,13 @@ def _rest_wider(sigma: np.ndarray, motion: RecordedMotion, scale: np.ndarray) ->
     Nor do those at which torque was switched: within a sample nobody knows when.
     """
     speed = motion.sure_velocity
-    slow = REST_SPEED
-    if motion.raw_velocity is None:  # a differenced position says no more of a speed than its noise allows
-        slow = np.hypot(slow, 2.0 * np.sqrt(motion.velocity_noise()))
+    # A speed tells rest no better than its noise allows, recorded or differenced.
+    recorded = motion.raw_velocity is not None
+    noise = motion.band_share * motion.noise.velocity**2 if recorded else motion.velocity_noise()
+    slow = np.hypot(REST_SPEED, 2.0 * np.sqrt(noise))
     resting = np.exp(-((speed / slow) ** 2))
-    sigma = np.hypot(sigma, REST_SHARE * scale * np.clip(motion.reduce(resting), 0.0, 1.0))
+    held = np.hypot(REST_SHARE * scale, joint_dynamics(motion.recording.arm).friction)
+    sigma = np.hypot(sigma, held * np.clip(motion.reduce(resting), 0.0, 1.0))
     switched = np.abs(np.diff(motion.enabled, axis=0, prepend=motion.enabled[:1]))
     if not np.any(switched):
         return sigma

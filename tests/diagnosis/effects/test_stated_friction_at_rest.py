@@ -1,0 +1,51 @@
+"""A slide that sticks: the dry friction that its model states is anything between its bounds at rest. NumPy alone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from samrl_core.cell.types.arm_description import ArmDescription
+from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
+from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
+
+URDF = """<robot name="slide"><link name="base"/><link name="table"><inertial><mass value="2"/>
+<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="slide" type="prismatic"><parent link="base"/><child link="table"/><axis xyz="1 0 0"/>
+<limit lower="-1" upper="1" effort="60" velocity="1"/><dynamics friction="5" damping="8"/></joint></robot>"""
+MASS, FRICTION, DAMPING = 2.0, 5.0, 8.0
+STIFFNESS, BRAKE, STEP_S, SECONDS = 6000.0, 150.0, 0.001, 9.0
+
+
+def record(seed: int) -> ArmRecording:
+    """Moves with rests between them; friction stops the table wherever its force allows."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, SECONDS, STEP_S)
+    knots = np.repeat(rng.uniform(-0.2, 0.2, 10), 2)[: 2 * 10]
+    goal = np.interp(time, np.linspace(0.0, SECONDS, 20), knots)
+    goal = np.convolve(np.pad(goal, 100, mode="edge"), np.hanning(201) / 100.0, mode="valid")
+    rate = np.gradient(goal, STEP_S)
+    q, v = float(goal[0]), 0.0
+    at, speed, force = np.empty((3, len(time)))
+    for k in range(len(time)):
+        at[k], speed[k] = q, v
+        force[k] = STIFFNESS * (goal[k] - q) + BRAKE * (rate[k] - v)
+        free = v + STEP_S / MASS * (force[k] - DAMPING * v)
+        v = free - float(np.clip(free, -FRICTION * STEP_S / MASS, FRICTION * STEP_S / MASS))
+        q += STEP_S * v
+    some = slice(0, None, 4)
+    stamps, shape = time[some], (len(time[some]), 1)
+    states = JointSignal(
+        stamps,
+        at[some, None] + 2e-6 * rng.standard_normal(shape),
+        speed[some, None] + 0.004 * rng.standard_normal(shape),
+    )
+    effort = JointSignal(stamps, effort=force[some, None] + 0.1 * rng.standard_normal(shape))
+    arm = ArmDescription("tool_arm", ("slide",), URDF, None)
+    return ArmRecording(f"run {seed}", f"run{seed}", "", arm, states, None, effort)
+
+
+def test_a_table_that_sticks_as_its_model_says_has_no_gap() -> None:
+    """It had an unknown cause: rest was allowed one per cent of the effort limit, whatever the model states."""
+    few = DiagnosisSettings(library={"coulomb_friction", "presliding", "friction_asymmetry"})
+    found, _ = diagnose([record(1), record(2)], [record(3)], few)
+    assert found.verdict == "no_gap", found.reasons

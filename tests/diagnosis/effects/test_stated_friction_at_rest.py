@@ -1,4 +1,4 @@
-"""A slide that sticks: the dry friction that its model states is anything between its bounds at rest. NumPy alone."""
+"""A slide that sticks: at rest its model's dry friction is anything between its bounds. NumPy alone."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def record(seed: int) -> ArmRecording:
 
 
 def test_a_table_that_sticks_as_its_model_says_has_no_gap() -> None:
-    """It had an unknown cause: rest was allowed one per cent of the effort limit, whatever the model states."""
+    """An unknown cause before: rest was allowed one per cent of the effort limit, whatever is stated."""
     few = DiagnosisSettings(library={"coulomb_friction", "presliding", "friction_asymmetry"})
     found, _ = diagnose([record(1), record(2)], [record(3)], few)
     assert found.verdict == "no_gap", found.reasons

@@ -377,10 +377,8 @@ def _rest_wider(sigma: np.ndarray, motion: RecordedMotion, scale: np.ndarray) ->
     noise = motion.band_share * motion.noise.velocity**2 if recorded else motion.velocity_noise()
     slow = np.hypot(REST_SPEED, 2.0 * np.sqrt(noise))
     resting = np.exp(-((speed / slow) ** 2))
-    stated = joint_dynamics(
-        motion.recording.arm
-    ).friction  # from one bound to the other where the formula turns
-    held = np.hypot(REST_SHARE * scale, 2.0 * stated)
+    # Stated friction holds from one bound to the other, where its formula turns.
+    held = np.hypot(REST_SHARE * scale, 2.0 * joint_dynamics(motion.recording.arm).friction)
     sigma = np.hypot(sigma, held * np.clip(motion.reduce(resting), 0.0, 1.0))
     switched = np.abs(np.diff(motion.enabled, axis=0, prepend=motion.enabled[:1]))
     if not np.any(switched):

@@ -207,5 +207,5 @@ def test_millimetres_of_a_slide(motion: ArmRecording) -> None:
         None,
         None,
     )
-    with pytest.raises(InputError, match="it is in mm"):
+    with pytest.raises(InputError, match="as if it were in mm"):
         check_recording(slide)

@@ -178,11 +178,9 @@ class JointSmoother:
         falls back to that where ratios of limits differ.
         """
         way = np.abs(self._queue[0] - np.array(self._input.current_position))
-        moving = np.concatenate([self._input.current_velocity, self._input.current_acceleration])
-        if moving.any():
-            return self._fastest
         goes = way > _SLACK
-        if not goes.any():
+        moving = np.any(self._input.current_velocity) or np.any(self._input.current_acceleration)
+        if moving or not goes.any():
             return self._fastest
         return tuple(np.where(goes, way * np.min(limit[goes] / way[goes]), limit) for limit in self._fastest)
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from samrl_core.diagnosis.result import HeldOutGap, NamedEffect
 from samrl_core.diagnosis.selection.how_far import HowFar
-from samrl_core.diagnosis.selection.selection import Selection
+from samrl_core.diagnosis.selection.selection import SHOWN, Selection
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class VerdictSettings:
 
     unexplained: float = 0.4  # share of the excess that may remain on fitted recordings
     held_out_unexplained: float = 0.65  # likewise on held-out ones, where parameters were not fitted
-    shown: float = 8.0  # [nat] that a prediction must be worth on held-out recordings before they deny it
+    shown: float = SHOWN  # [nat] that a prediction must be worth on held-out recordings before they deny it
     visible: float = 25.0  # [nat] excess below which shares say nothing
     worse: float = -0.1  # shrink below which the named effect contradicts held-out recordings
     tie: float = 0.6  # a probability below it is no name

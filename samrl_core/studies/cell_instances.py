@@ -36,6 +36,8 @@ ROWS: dict[str, Condition] = {
     **{f"_{name}": Condition("optimised", HELD, straw_man=name) for name in STRAW_MEN},
     **{f"_thinking_{time_s:g}s": Condition(think_s=time_s) for time_s in THINKING},
     "_fixed_view_touch": Condition("optimised", HELD, tip_offset=True, touch=True),
+    # Images after the first still tell tip and colours, unlike in one_update_touch.
+    "_first_update_touch": Condition("optimised", "best", tip_offset=True, touch=True, most_updates=1),
     # Colours show hole and peg in one image, which replaces the slow calibration: without either, too.
     "_no_offset_touch": Condition("optimised", "best", tip_offset=True, touch=True, sees_tip=False),
     "_no_colours_touch": Condition("optimised", "best", tip_offset=True, touch=True, sees_colours=False),

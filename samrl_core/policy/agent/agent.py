@@ -166,7 +166,8 @@ class Agent:
         """
         self._see_tip(observation)
         self._feel(observation, self.estimate.values)
-        if self.settings.update:
+        if self.settings.allows_update(self._updates):
+            self._updates += 1
             found = self._predictions(observation)
             several = len(found) > 1
             updates = [self._real2sim.update(one, observation, compared=several) for one in found]
@@ -269,6 +270,7 @@ class Agent:
         self._tip: np.ndarray | None = None  # when the last image was taken, None before the first [m]
         self._camera: Pose | None = None  # the same of the camera
         self._noted_contact = False
+        self._updates = 0  # of the model in this episode
 
     @property
     def _in_contact(self) -> bool:

@@ -30,7 +30,7 @@ class AgentSettings:
 
     Raises:
         InputError: a policy, strategy or actor's image that there is not, a real one without an actor, a
-            tip's offset without plans, or touch without a tip's offset.
+            tip's offset without plans, touch without a tip's offset, or a limit of updates below one.
     """
 
     policy: str = DEFAULT_POLICY  # of `samrl_core.policy.agent.policies.POLICIES`
@@ -42,6 +42,7 @@ class AgentSettings:
     touch: bool = False
     doubt: float = 1.0  # times the usual errors of calibration and images that a touched peg is searched with
     sees_tip: bool = True  # whether images correct the tip's offset; off for ablations
+    most_updates: int | None = None  # of the model in an episode, None for all; for ablations
     sees_colours: bool = True  # whether a touched peg and its hole are told by colours; off for ablations
     actor_image: str = "rendered"  # of `ACTOR_IMAGES`; "real" for actors of randomised models, not updated
     seed: int = 0  # of strategy "random" and of exploration
@@ -71,12 +72,21 @@ class AgentSettings:
             )
         if self.touch and not self.tip_offset:
             raise InputError("touch starts from where the camera sees the held peg; set tip_offset as well")
+        if self.most_updates is not None and self.most_updates < 1:
+            raise InputError(
+                f"most_updates is {self.most_updates}, must be at least 1; for no update at all "
+                f"set update to False"
+            )
         if not 1.0 <= self.doubt <= 10.0:
             raise InputError(f"doubt is {self.doubt}, must be within 1..10 times the errors of a usual cell")
         if self.actor_image == "real" and self.policy != "learned":
             raise InputError(
                 f"policy {self.policy!r} has no actor to read a real image; take policy 'learned'"
             )
+
+    def allows_update(self, made: int) -> bool:
+        """Whether an image updates the model, after so many that did in this episode."""
+        return self.update and (self.most_updates is None or made < self.most_updates)
 
     @property
     def needs_networks(self) -> bool:

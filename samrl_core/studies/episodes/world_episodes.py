@@ -52,6 +52,7 @@ class Condition:
     doubt: float = 1.0  # the same
     sees_tip: bool = True  # the same
     sees_colours: bool = True  # the same
+    most_updates: int | None = None  # the same
     remembers: bool = False  # one agent goes through the episodes of a cell, in their order
     think_s: float = 0.0  # from an image to the action that follows from it, while the world goes on [s]
     straw_man: str = ""  # of `STRAW_MEN`, in place of Algorithm 1; empty for none
@@ -205,6 +206,7 @@ def _agent(task: str, cell: str, condition: Condition, weights: Path | None, res
         doubt=condition.doubt,
         sees_tip=condition.sees_tip,
         sees_colours=condition.sees_colours,
+        most_updates=condition.most_updates,
     )
     networks = trained_networks(task, model.cell, weights) if settings.needs_networks else None
     agent = Agent(model, settings, networks)

@@ -214,6 +214,8 @@ def test_an_actor_of_a_randomised_model_reads_the_real_image(model: Model, plant
     )
     with pytest.raises(InputError, match="rendered, real"):
         AgentSettings(policy="learned", actor_image="imagined")
+    with pytest.raises(InputError, match="most_updates is 0, must be at least 1"):
+        AgentSettings(most_updates=0)
     with pytest.raises(InputError, match="no actor to read"):
         AgentSettings(policy="optimised", actor_image="real")
 

@@ -103,6 +103,38 @@ def test_an_ablation_leaves_out_the_tip_or_the_colours_of_an_image(
     agent.restart(SETTINGS)
 
 
+def test_an_ablation_updates_the_model_by_the_first_image_alone_and_still_sees_tip_and_colours(
+    agent: Agent, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tips: list[int] = []
+    updated: list[int] = []
+    joints = ArmReading(0, TASK.start_joints(CELL)["tool_arm"], np.zeros(7), np.zeros(7))
+    camera = SimpleNamespace(camera_in_world=TASK.start_camera())
+
+    def update(before: Estimate, image: Any, compared: bool) -> Estimate:
+        updated.append(image.stamp_ns)
+        return replace(before, stamp_ns=image.stamp_ns)
+
+    def see_tip(belief: TipOffset, image: Any, encoders: np.ndarray) -> TipOffset:
+        tips.append(image.stamp_ns)
+        return belief
+
+    agent.restart(replace(SETTINGS, most_updates=1))
+    monkeypatch.setitem(
+        agent.__dict__, "_tip_offset_fit", SimpleNamespace(update=see_tip, begin=lambda kept: kept)
+    )
+    monkeypatch.setitem(agent.__dict__, "_real2sim", SimpleNamespace(update=update))
+    for stamp in (1, 2, 3):
+        image: Any = SimpleNamespace(stamp_ns=stamp, tool_arm=joints, camera=camera)
+        assert agent.update_model(image).stamp_ns == stamp
+    assert updated == [1] and tips == [1, 2, 3]
+    agent.begin_episode()  # has a first image of its own
+    agent.update_model(image)
+    assert updated == [1, 3]
+    monkeypatch.undo()
+    agent.restart(SETTINGS)
+
+
 def test_an_agent_that_only_looks_rests_its_camera_once_another_one_touches() -> None:
     looks = Agent(Model(TASK, CELL), SETTINGS, verbs=("plan_view",))
     looks.note_action("above")

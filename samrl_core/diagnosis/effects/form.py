@@ -94,6 +94,13 @@ class Form(ABC, Generic[T]):
         """Log evidence [nat] that it must win to be as likely as other forms; infinite if it is denied."""
         return 0.0
 
+    def find_own_tolerances(self, trial: T) -> np.ndarray | None:
+        """What each tolerance column adds to each amplitude (p, columns) per standard deviation of its own.
+
+        None where no tolerance is of the same quantity.
+        """
+        return None
+
     def is_admissible(self, trial: T, shape: Shape, amplitudes: np.ndarray) -> bool:
         """Whether amplitudes are physically possible (no negative friction, say)."""
         return True

@@ -11,6 +11,7 @@ from samrl_core.diagnosis.effects.form import Form, Shape
 from samrl_core.diagnosis.effects.pose_forms import RADIAN_PER_METRE
 from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.images.image_trial import ImageTrial
+from samrl_core.diagnosis.residuals.images.spreads import SIZES, stated_spreads
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -29,6 +30,9 @@ class ImageColumns(Form[ImageTrial]):
     def prior(self, trial: ImageTrial, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
         return np.zeros(len(self.spreads)), shape["scale"] * np.array(self.spreads)
 
+    def find_own_tolerances(self, trial: ImageTrial) -> np.ndarray:
+        return np.concatenate([_tolerance_of(trial, name) for name in self.columns_of])
+
     def cost(self, trials: object, shape: Shape) -> float:
         return self.surprise
 
@@ -45,6 +49,11 @@ class AddedColumns(ImageColumns):
     def columns(self, trial: ImageTrial, shape: Shape) -> Columns:
         return trial.added(*((self.sign, name) for name in self.columns_of))
 
+    def find_own_tolerances(self, trial: ImageTrial) -> np.ndarray:
+        """Of what its columns have in common: the mean of theirs."""
+        of_each = np.stack([_tolerance_of(trial, name) for name in self.columns_of])
+        return self.sign * of_each.mean(axis=0)
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ZeroOfJoint(ImageColumns):
@@ -54,6 +63,17 @@ class ZeroOfJoint(ImageColumns):
 
     def columns(self, trial: ImageTrial, shape: Shape) -> Columns:
         return {key: rows[[self.index]] for key, rows in trial.column(self.columns_of[0]).items()}
+
+    def find_own_tolerances(self, trial: ImageTrial) -> np.ndarray:
+        return _tolerance_of(trial, self.columns_of[0])[[self.index]]
+
+
+def _tolerance_of(trial: ImageTrial, name: str) -> np.ndarray:
+    """What each tolerance column adds (p, columns) to the amplitudes of a name's columns."""
+    widths = stated_spreads(trial.recording.tolerances)
+    return np.concatenate(
+        [np.diag(w) if n == name else np.zeros((SIZES[name], len(w))) for n, w in widths.items()], axis=1
+    )
 
 
 SIX_SPREADS = (*(0.003,) * 3, *(0.003 * RADIAN_PER_METRE,) * 3)

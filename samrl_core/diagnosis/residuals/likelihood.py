@@ -206,8 +206,17 @@ class Likelihood:
 
     def tolerance_sizes(self, y: np.ndarray, correlation: float) -> np.ndarray:
         """What each tolerance most probably is (columns,), in standard deviations, given residuals (N,)."""
+        return self.find_tolerance_sizes(self._basis.T @ y, correlation)
+
+    def find_tolerance_sizes(self, projected: np.ndarray, correlation: float) -> np.ndarray:
+        """The same (columns, ...) of what has a projection (k, ...) on the tolerances' basis."""
         weight = np.sqrt(self._strength) / (correlation + self._strength)
-        return self._directions @ (weight * (self._basis.T @ y))
+        return (self._directions * weight) @ projected
+
+    def tolerance_covariance(self, correlation: float) -> np.ndarray:
+        """Covariance (columns, columns) of the tolerances' sizes given the data, all else held [1]."""
+        unknown = np.eye(len(self._directions))
+        return unknown - (self._directions * self.shrink(correlation)) @ self._directions.T
 
     def tolerance_gram(self) -> np.ndarray:
         """U^T U (columns, columns) of what tolerances make per standard deviation, in units of the noise."""

@@ -9,6 +9,7 @@ import numpy as np
 from samrl_core.diagnosis.result import ParameterEstimate
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
 from samrl_core.diagnosis.selection.shape_posterior import shape_posterior
+from samrl_core.diagnosis.selection.whole_sizes import find_whole_sizes
 
 TEMPERATURE = 2.0  # of probabilities [nat]; a temperature of one trusts every formula fully
 RELATIVE_TEMPERATURE = 0.0025  # of the best evidence, likewise: a tie within a quarter of a percent is one
@@ -46,9 +47,11 @@ def estimates(
 
     Amplitudes and shapes are sampled from their common posterior (`shape_posterior`), and both vary by what
     another formula of the same effect would make of them: the better this one explains the residual where it
-    acts, the less (`formula_deviation`).
+    acts, the less (`formula_deviation`). What is off within the effect's own tolerance is part of it
+    (`find_whole_sizes`).
     """
     formula = formula_deviation(evidence, fit, index)
+    fit = find_whole_sizes(evidence, fit)
     h = fit.hypotheses[index]
     trial = evidence.likelihood.trials[0]
     units = {p.name: p.unit for p in h.effect.parameters}

@@ -24,6 +24,7 @@ from samrl_core.diagnosis.result import LeastSize, NextExperiment
 from samrl_core.diagnosis.selection.how_far import HowFar
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
 from samrl_core.diagnosis.selection.least_sizes import least_sizes
+from samrl_core.diagnosis.selection.whole_sizes import find_whole_sizes
 
 LEAST_ROWS = 40  # of depth, of a recording that tells of a camera
 _SAME_M, _SAME_RAD = 1e-6, 1e-6
@@ -114,7 +115,8 @@ class Images(Kind[ImageRecording]):
     ) -> Recalibration | None:
         if not sure:
             return None
-        return recalibration(chosen, [t for t in evidence.likelihood.trials if isinstance(t, ImageTrial)])
+        whole = find_whole_sizes(evidence, chosen)
+        return recalibration(whole, [t for t in evidence.likelihood.trials if isinstance(t, ImageTrial)])
 
     def least_sizes(
         self, evidence: Evidence, effects: Sequence[Effect[Any]], threshold: float

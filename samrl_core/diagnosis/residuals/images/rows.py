@@ -15,6 +15,7 @@ import numpy as np
 from samrl_core.diagnosis.residuals.images.bends import bend_modes
 from samrl_core.diagnosis.residuals.images.flows import Flows, flows, lens_flows
 from samrl_core.diagnosis.residuals.images.scene import OBJECT, STATIC, FrameGeometry, ImageScene
+from samrl_core.diagnosis.residuals.images.white import DARK, without_white
 
 TILES = 8  # along each side of the image
 LEAST_PIXELS = 12  # of a tile that is compared
@@ -24,14 +25,12 @@ BLUR = 0.016  # of outlines, share of the image's width: shifts up to it stay li
 LEAST_OUTLINE = 0.3  # squared gradient of an outline in a tile, below which it says nothing
 ROBUST = 1.4826
 UNSEEN = 255  # label of pixels that a corrected lens did not see
-WHITE = 0.97  # of full scale, from which on a colour is at the end of its range, blur and noise included
-DARK = 0.02  # of full scale, below which nothing is said of ratios
 CHANNELS = ("depth", "mask", "color", "depth_noise")
 UNITS = {"depth": "m", "mask": "px", "color": "1", "depth_noise": "log"}
 OF_CHANNEL = {  # columns that are no flow, by channel
     "depth": ("depth_scale", "depth_offset", "depth_shift", "depth_bend", "depth_pattern"),
     "mask": ("outline_object", "outline_tip", "outline_bend"),
-    "color": ("light", "paint_object", "paint_static"),
+    "color": ("light", "paint_object", "paint_static", "white_object", "white_static"),
     "depth_noise": ("depth_noise",),
 }
 
@@ -194,31 +193,16 @@ def _color_rows(frame: ComparedFrame, model: np.ndarray, inside: dict[int, np.nd
         return _stacked([], [], [], [])
     expected, of_group = np.array(means), np.array(groups)
     e = np.maximum(expected.mean(axis=1), DARK)
-    seen = np.maximum(_unclipped(expected, np.array(medians), of_group).mean(axis=1), DARK)
-    columns = {"light": e, "paint_object": of_group == OBJECT, "paint_static": of_group == STATIC}
+    whole, hidden = without_white(expected, np.array(medians), of_group)
+    seen = np.maximum(whole.mean(axis=1), DARK)
+    columns = {
+        "light": e, "paint_object": of_group == OBJECT, "paint_static": of_group == STATIC,
+        "white_object": e * hidden * (of_group == OBJECT), "white_static": e * hidden * (of_group == STATIC),
+    }  # fmt: skip
     return Rows(
         e * np.log(seen / e), np.array(where), np.ones(len(where)),
         {name: np.asarray(one, dtype=float)[None] for name, one in columns.items()},
     )  # fmt: skip
-
-
-def _unclipped(expected: np.ndarray, seen: np.ndarray, group: np.ndarray) -> np.ndarray:
-    """Colours (N, 3) of tiles as they would be if none ended at white.
-
-    Of a colour at white all that is known is that it is at least that. It is taken to be brighter than
-    expected by as much as the tile's other colours, or those of all tiles of the group where none is left.
-    """
-    white = seen >= WHITE
-    if not white.any():
-        return seen
-    brighter = np.where(white, np.nan, np.log(np.maximum(seen, DARK) / np.maximum(expected, DARK)))
-    known = ~white.all(axis=1)
-    more = np.zeros(len(seen))
-    more[known] = np.nanmean(brighter[known], axis=1)
-    for one in np.unique(group[~known]):
-        others = brighter[(group == one) & known]
-        more[(group == one) & ~known] = np.nanmedian(others) if len(others) else 0.0
-    return np.where(white, np.maximum(seen, expected * np.exp(more)[:, None]), seen)
 
 
 def _noise_rows(

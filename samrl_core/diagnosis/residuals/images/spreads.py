@@ -43,4 +43,5 @@ def stated_spreads(stated: ImageTolerances, widened: float = 1.0) -> dict[str, n
     }  # fmt: skip
     out = {name: by * np.repeat(widths, 3) for name, widths in six.items()}
     out |= {name: np.full(SIZES[name], by * width) for name, width in one.items()}
-    return {**out, "object": object_spreads(s)}
+    hidden = {name: np.ones(1) for name in ("white_object", "white_static")}  # nobody sees beyond white
+    return {**out, **hidden, "object": object_spreads(s)}

@@ -17,7 +17,7 @@ from samrl_core.diagnosis.effects.form import Place
 from samrl_core.diagnosis.effects.images.lens_distortion import EFFECT
 from samrl_core.diagnosis.residuals.images.frames import chosen_frames, compared_size
 from samrl_core.diagnosis.residuals.images.image_trial import DEPTH_NOISE_PER_Z2, prepared
-from samrl_core.diagnosis.residuals.images.linearisation import undistorted
+from samrl_core.diagnosis.residuals.images.linearisation import rows_at, undistorted
 from samrl_core.diagnosis.residuals.images.object_pose import solved_object
 from samrl_core.diagnosis.residuals.images.rows import frame_rows
 from samrl_core.diagnosis.residuals.images.scene import ImageScene
@@ -80,6 +80,44 @@ def test_depth_of_a_resampled_image_is_that_of_its_own_ray(recordings: list[Imag
     )
     assert np.quantile(np.abs(rounded), 0.9) > 5e-4, "no slope in the image: the test shows nothing"
     assert np.quantile(np.abs(mended), 0.9) < 0.1 * np.quantile(np.abs(rounded), 0.9)
+
+
+def test_a_lens_is_told_from_depth_that_was_resampled_by_nearest_pixels(
+    recordings: list[ImageRecording],
+) -> None:
+    """Depth as a driver gives it that takes each pixel's from the nearest one of an ideal image.
+
+    Where the lens moves the image by less than half a pixel, such depth does not move at all, and it looked
+    like a longer focal length and a lens of 1.4 times its size (k1 -0.29, k2 0.29).
+    """
+    first = recordings[0]
+    scene = ImageScene(first, compared_size(first.intrinsics)[0])
+    k, size = scene.intrinsics, np.array([-0.2, 0.0])
+    v, u = np.mgrid[0 : k.height, 0 : k.width].astype(float)
+    seen = np.stack([(u + 0.5 - k.cx) / k.fx, (v + 0.5 - k.cy) / k.fy], axis=-1)
+    rays = cv2.undistortPoints(seen.reshape(-1, 1, 2), np.eye(3), np.array([*size, 0.0, 0.0])).reshape(
+        seen.shape
+    )
+    column, row = np.rint(rays[..., 0] * k.fx + k.cx - 0.5), np.rint(rays[..., 1] * k.fy + k.cy - 0.5)
+    inside = (column >= 0) & (column < k.width) & (row >= 0) & (row < k.height)
+    row, column = np.clip(row, 0, k.height - 1).astype(int), np.clip(column, 0, k.width - 1).astype(int)
+    names, parts, values = ("radial", "focal", "hand_eye", "depth_nearest"), [], []
+    for frame in chosen_frames(scene, first)[::4]:
+        view = scene.view(first, frame.view.time)
+        z = scene.render(scene.vertices(view, np.eye(4))).xyz.numpy()[..., 2].astype(float)
+        nearest = replace(
+            frame,
+            depth=np.where(inside, z[row, column], np.nan),
+            mask=np.where(inside, frame.mask[row, column], np.uint8(0)),
+        )
+        rows = rows_at(scene, nearest, np.eye(4), DEPTH_NOISE_PER_Z2, {"radial": size})["depth"]
+        parts.append(np.concatenate([rows.columns[name] for name in names]) / rows.shape)
+        values.append(rows.value / rows.shape)
+    design, value = np.concatenate(parts, axis=1).T, np.concatenate(values)
+    found = np.linalg.lstsq(design, value, rcond=None)[0]
+    without = np.linalg.lstsq(design[:, :-1], value, rcond=None)[0]
+    assert abs(without[0] / size[0]) > 1.25, "whole pixels change nothing: the test shows nothing"
+    assert abs(found[0] / size[0] - 1.0) < 0.15
 
 
 @pytest.mark.slow

@@ -18,7 +18,7 @@ FREE = {
     "hand_eye": 0.02, "base": 0.02, "camera_zeros": 0.01, "camera_late": 0.1, "tool_zeros": 0.01,
     "tool_late": 0.1, "held": 0.02, "object": 0.1, "object_scale": 0.1, "focal": 0.03, "centre": 0.03,
     "radial": 0.2, "tangential": 0.01, "depth_scale": 0.05, "depth_offset": 0.03, "depth_shift": 0.03,
-    "depth_bend": 0.005,
+    "depth_bend": 0.005, "depth_nearest": 1.0,
     "depth_pattern": 0.005, "outline_bend": 0.005, "outline_object": 2.0, "outline_tip": 2.0, "light": 1.0,
     "paint_object": 1.0, "paint_static": 1.0, "white_object": 1.0, "white_static": 1.0, "depth_noise": 1.0,
 }  # fmt: skip

@@ -28,7 +28,14 @@ UNSEEN = 255  # label of pixels that a corrected lens did not see
 CHANNELS = ("depth", "mask", "color", "depth_noise")
 UNITS = {"depth": "m", "mask": "px", "color": "1", "depth_noise": "log"}
 OF_CHANNEL = {  # columns that are no flow, by channel
-    "depth": ("depth_scale", "depth_offset", "depth_shift", "depth_bend", "depth_pattern"),
+    "depth": (
+        "depth_scale",
+        "depth_offset",
+        "depth_shift",
+        "depth_bend",
+        "depth_pattern",
+        "depth_nearest",
+    ),
     "mask": ("outline_object", "outline_tip", "outline_bend"),
     "color": ("light", "paint_object", "paint_static", "white_object", "white_static"),
     "depth_noise": ("depth_noise",),
@@ -73,13 +80,15 @@ def frame_rows(
     rendered, shaded = scene.render(vertices), scene.render(vertices, shaded=True)
     shares = rendered.color.numpy().astype(float)
     points = rendered.xyz.numpy().astype(float)
+    risen = np.zeros(frame.depth.shape)
     if frame.beside is not None:
-        frame = replace(frame, depth=frame.depth + _risen(points[..., 2], frame.beside))
+        risen = _risen(points[..., 2], frame.beside)
+        frame = replace(frame, depth=frame.depth + risen)
     label = rendered.label.numpy().copy()
     label[~np.isfinite(rendered.depth.numpy())] = 255
     inside = _inside(scene, frame, points[..., 2], label)
     made = {
-        "depth": _depth_rows(scene, frame, points, inside, object_at),
+        "depth": _depth_rows(scene, frame, points, inside, object_at, risen),
         "color": _color_rows(frame, shaded.color.numpy().astype(float), inside),
         "depth_noise": _noise_rows(frame, points[..., 2], inside, noise_per_z2),
         "mask": _mask_rows(scene, frame, shares, label, vertices, moving),
@@ -91,7 +100,8 @@ def _risen(z: np.ndarray, beside: np.ndarray) -> np.ndarray:
     """By how much surfaces (H, W) are deeper so many pixels (2, H, W) on, by the model's own slopes.
 
     Depth is never mixed between pixels, which would also smooth its noise. Slopes across an edge mean
-    nothing, but no pixel near one is compared.
+    nothing, but no pixel near one is compared. A driver that resampled depth before by the nearest pixel
+    gave each the depth of that pixel's ray, and there is nothing to add: `depth_nearest` leaves that open.
     """
     slope_v, slope_u = np.gradient(z)
     return beside[0] * slope_u + beside[1] * slope_v
@@ -133,6 +143,7 @@ def _depth_rows(
     points: np.ndarray,
     inside: dict[int, np.ndarray],
     object_at: np.ndarray,
+    risen: np.ndarray,
 ) -> Rows:
     k, z = scene.intrinsics, points[..., 2]
     dv, du = np.gradient(z)
@@ -153,6 +164,7 @@ def _depth_rows(
             along[name] = d[..., 2] - slope_u * shift_u - slope_v * shift_v
         along["depth_scale"], along["depth_offset"] = zs[None], np.ones((1, len(zs)))
         along["depth_shift"] = -k.width * np.stack([slope_u, slope_v])  # depth beside the colours
+        along["depth_nearest"] = risen.ravel()[None, index]
         bends = _bends(index // k.width, index % k.width, z.shape)
         along["depth_bend"] = np.concatenate([bends * slope for slope in along["depth_shift"]])
         of_tile = tiles.ravel()[index]

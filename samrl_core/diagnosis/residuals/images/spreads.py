@@ -43,5 +43,6 @@ def stated_spreads(stated: ImageTolerances, widened: float = 1.0) -> dict[str, n
     }  # fmt: skip
     out = {name: by * np.repeat(widths, 3) for name, widths in six.items()}
     out |= {name: np.full(SIZES[name], by * width) for name, width in one.items()}
-    hidden = {name: np.ones(1) for name in ("white_object", "white_static")}  # nobody sees beyond white
+    # Nobody sees beyond white, and no camera_info says whether a driver resampled depth by nearest pixels.
+    hidden = {name: np.ones(1) for name in ("white_object", "white_static", "depth_nearest")}
     return {**out, **hidden, "object": object_spreads(s)}

@@ -101,6 +101,10 @@ class Form(ABC, Generic[T]):
         """
         return None
 
+    def find_unresolved(self, trial: T, shape: Shape) -> np.ndarray:
+        """Covariance (p, p) of amplitudes that recordings of this kind cannot tell, whatever their noise."""
+        return np.zeros((len(self.amplitudes), len(self.amplitudes)))
+
     def is_admissible(self, trial: T, shape: Shape, amplitudes: np.ndarray) -> bool:
         """Whether amplitudes are physically possible (no negative friction, say)."""
         return True

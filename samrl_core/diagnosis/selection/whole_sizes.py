@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy import linalg
 
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
 
@@ -19,11 +20,14 @@ from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
 def find_whole_sizes(evidence: Evidence, fit: Fit) -> Fit:
     """The fit with amplitudes and covariance of each effect and its own tolerance together.
 
+    What recordings cannot tell whatever their noise (`Form.find_unresolved`) widens the covariance.
+
     Effects whose form names no tolerance of its own (`Form.find_own_tolerances`) stay as they are, but for
     their covariance with the others.
     """
     likelihood, k = evidence.likelihood, evidence.correlation_time
-    parts = [h.form.find_own_tolerances(likelihood.trials[0]) for h in fit.hypotheses]
+    trial = likelihood.trials[0]
+    parts = [h.form.find_own_tolerances(trial) for h in fit.hypotheses]
     if all(part is None for part in parts):
         return fit
     columns = next(part.shape[1] for part in parts if part is not None)
@@ -34,7 +38,9 @@ def find_whole_sizes(evidence: Evidence, fit: Fit) -> Fit:
     projected = np.hstack([h.regressors.projected for h in fit.hypotheses])
     follows = np.eye(len(own)) - own @ likelihood.find_tolerance_sizes(projected, k)
     left = own @ likelihood.tolerance_sizes(evidence.remainder(fit), k)
-    covariance = follows @ fit.covariance @ follows.T + own @ likelihood.tolerance_covariance(k) @ own.T
+    unresolved = linalg.block_diag(*(h.form.find_unresolved(trial, h.shape) for h in fit.hypotheses))
+    tolerated = own @ likelihood.tolerance_covariance(k) @ own.T
+    covariance = unresolved + follows @ fit.covariance @ follows.T + tolerated
     ends = np.cumsum([len(a) for a in fit.amplitudes])[:-1]
     whole = np.concatenate(fit.amplitudes) + left
     return replace(fit, amplitudes=tuple(np.split(whole, ends)), covariance=covariance)

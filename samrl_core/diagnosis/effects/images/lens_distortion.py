@@ -12,8 +12,10 @@ from samrl_core.diagnosis.effects.effect import Effect, Parameter
 from samrl_core.diagnosis.effects.form import Form, Place, Shape
 from samrl_core.diagnosis.effects.image_forms import ImageColumns
 from samrl_core.diagnosis.residuals.images.flows import lens_flows
+from samrl_core.diagnosis.residuals.images.frames import compared_size
 from samrl_core.diagnosis.residuals.images.image_trial import ImageTrial
 
+WHOLE_PIXEL = 1.0 / 12.0  # variance of a place that is rounded to whole pixels [px^2]
 GRID = 32  # points along each side of the image, over which its shift is taken
 
 
@@ -60,6 +62,17 @@ class Lens(ImageColumns):
         squares = _squares(trial.recording.intrinsics)[: len(amplitudes), : len(amplitudes)]
         shift = float(np.sqrt(max(amplitudes @ squares @ amplitudes, 0.0)))
         return {**super().parameters(trial, shape, amplitudes), "shift": shift}
+
+    def find_unresolved(self, trial: ImageTrial, shape: Shape) -> np.ndarray:
+        """Lenses that differ by less than what reading at whole pixels does to a place look the same.
+
+        Depth and labels are those of the nearest pixel, and where a lens moves them by less than half of one,
+        it moves none of them: in every frame alike, so that no number of frames tells more.
+        """
+        count = len(self.amplitudes)
+        squares = _squares(compared_size(trial.recording.intrinsics)[0])[:count, :count]
+        _, spread = self.prior(trial, shape)
+        return np.linalg.inv(squares / WHOLE_PIXEL + np.diag(1.0 / spread**2))
 
 
 @cache

@@ -143,16 +143,13 @@ def test_a_large_error_of_the_lens_is_where_images_are_compared(recordings: list
 
 
 def test_a_lens_is_known_no_better_than_whole_pixels_tell_it() -> None:
-    """k1 of 0.3 with k2 of -0.26 moves an image of 128 px by 0.43 px (root mean square) other than k1 of 0.2."""
-    trial = cast(
-        Any, SimpleNamespace(recording=SimpleNamespace(intrinsics=cell_named(DEFAULT_CELL).intrinsics))
-    )
+    """k1 0.3 with k2 -0.26 moves an image of 128 px by 0.43 px (root mean square) other than k1 0.2."""
+    intrinsics = cell_named(DEFAULT_CELL).intrinsics
+    trial = cast(Any, SimpleNamespace(recording=SimpleNamespace(intrinsics=intrinsics)))
     form = EFFECT.forms(trial, Place("sensor:camera", ()))[0]
     unresolved = form.find_unresolved(trial, {"scale": 3.0})
     off = np.array([0.1, -0.26])
-    assert (
-        off @ np.linalg.inv(unresolved) @ off < 5.99
-    )  # within 95 %; noise alone leaves 0.03 and 0.11
+    assert off @ np.linalg.inv(unresolved) @ off < 5.99  # within 95 %; noise alone leaves 0.03 and 0.11
     assert np.sqrt(unresolved[0, 0]) < 0.06
     alike = form.parameters(trial, {"scale": 3.0}, np.linalg.cholesky(unresolved)[:, 0])["shift"]
     assert 0.1 < alike < 0.5, "the images differ by more than reading at whole pixels does"

@@ -32,6 +32,9 @@ def test_light_has_one_size_on_any_paint_and_where_colours_end_at_white(
     np.testing.assert_allclose(cut.columns["light"][0], light)
     hidden = cut.columns["white_object"][0] + cut.columns["white_static"][0]
     assert not before.columns["white_static"].any() and np.mean(hidden > 0.02 * light) > 0.2
+    for group in ("object", "static"):
+        there = cut.columns[f"paint_{group}"][0] > 0
+        assert np.ptp((cut.columns[f"white_{group}"][0] / light)[there]) < 1e-9, "tiles of one surface differ"
     assert abs(np.median((cut.value - before.value) / light) - np.log(GAIN)) < 0.1
     as_cut = np.log(np.minimum(GAIN * frame.color, 1.0).mean() / frame.color.mean())
     assert np.log(GAIN) - as_cut > 0.15, "colours as they are would say the same: the test shows nothing"

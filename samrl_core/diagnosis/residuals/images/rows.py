@@ -207,6 +207,9 @@ def _color_rows(frame: ComparedFrame, model: np.ndarray, inside: dict[int, np.nd
     e = np.maximum(expected.mean(axis=1), DARK)
     whole, hidden = without_white(expected, np.array(medians), of_group)
     seen = np.maximum(whole.mean(axis=1), DARK)
+    # One for a surface, whose hue is one: of each tile its own would be what bright ones differ by from dark.
+    for group in np.unique(of_group):
+        hidden[of_group == group] = hidden[of_group == group].mean()
     columns = {
         "light": e, "paint_object": of_group == OBJECT, "paint_static": of_group == STATIC,
         "white_object": e * hidden * (of_group == OBJECT), "white_static": e * hidden * (of_group == STATIC),

@@ -21,7 +21,8 @@ from samrl_core.diagnosis.recordings.in_common import in_common
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.motion import FAST_HZ
 from samrl_core.diagnosis.residuals.observed import Observed
-from samrl_core.diagnosis.residuals.signal_noise import regular, tells_accelerations, without_differences
+from samrl_core.diagnosis.residuals.sample_times import regular
+from samrl_core.diagnosis.residuals.signal_noise import tells_accelerations, without_differences
 from samrl_core.diagnosis.residuals.trial import Trial, as_arms
 from samrl_core.diagnosis.result import Curve, Diagnosis, NextExperiment
 from samrl_core.diagnosis.selection.description import Misdescription, misdescription

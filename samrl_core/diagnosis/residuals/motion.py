@@ -15,18 +15,14 @@ from scipy import signal
 
 from samrl_core.cell.types.arm_description import HELD, ArmController
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
-from samrl_core.diagnosis.residuals.control_law import (
-    LawTerms,
-    held_values,
-    law_terms,
-)
-from samrl_core.diagnosis.residuals.signal_band import SignalBand, held_on_grid, onto_grid
+from samrl_core.diagnosis.residuals.control_law import LawTerms, held_values, law_terms
+from samrl_core.diagnosis.residuals.sample_times import SampleTimes, regular, sample_times
+from samrl_core.diagnosis.residuals.signal_band import SignalBand, held_on_grid, nearest, onto_grid
 from samrl_core.diagnosis.residuals.signal_noise import (
     Noise,
     Reading,
     highest_sure_frequency,
     quantum,
-    regular,
     tells_accelerations,
     white_noise,
     without_differences,
@@ -53,6 +49,8 @@ class RecordedMotion(SignalBand):
         """Resample and filter; `start_s` is the time since the first recording's start (for slow drifts)."""
         self.recording, self.arm, self.start_s = recording, arm, start_s
         states = without_differences(recording.states)
+        self._stamps = states.time
+        self._taken = sample_times(states.time, states.position, states.velocity)
         ticks = regular(states.time)
         period = float(np.median(np.diff(ticks)))
         stride = max(1, round(1.0 / (period * MAX_RATE_HZ)))
@@ -65,12 +63,16 @@ class RecordedMotion(SignalBand):
         self.joints = len(recording.arm.joints)
         self.time = np.arange(ticks[0], ticks[-1] + 0.5 / rate, 1.0 / rate)
         self.raw_position, self.raw_velocity, self.raw_effort = (
-            onto_grid(states.time, x, self.time, self._holds_commands)
+            onto_grid(self._taken, x, self.time, self._holds_commands)
             for x in (states.position, states.velocity, states.effort)
         )
         position = self.raw_position
         if position is None:
             raise ValueError(f"{recording.name} has no positions")
+        assert states.position is not None
+        self.reading_step = quantum(states.position)  # (J,) of the log's own grid
+        read = states.position[nearest(self._taken.time, self.time)]
+        self.kept = np.diff(read, axis=0, prepend=np.nan) == 0.0  # (F, J) readings of the sample before
         self.full_position = self.smooth(position)
         if self.raw_velocity is not None:
             self.full_velocity = self.smooth(self.raw_velocity)
@@ -144,7 +146,7 @@ class RecordedMotion(SignalBand):
     def _tracked(self, time: np.ndarray, values: np.ndarray | None) -> np.ndarray | None:
         """A command's part (F, J) as the controller follows it between two stamps."""
         if not self._holds_commands:
-            return onto_grid(time, values, self.time)
+            return None if values is None else onto_grid(self._times(time, values), values, self.time)
         # Beside a recorded torque the law is read at the instant of its sample.
         mean = self.recording.commanded_effort is None and self.raw_effort is None
         return held_on_grid(time, values, self.time, mean)
@@ -307,9 +309,8 @@ class RecordedMotion(SignalBand):
             np.zeros(self.joints) if x is None else white_noise(x, self.rate)
             for x in (self.raw_position, self.raw_velocity, self.raw_effort, self.raw_commanded)
         )
-        assert self.raw_position is not None
         # While a coarse encoder rests it is silent: rests must not speak for the motion.
-        position = np.maximum(position, quantum(self.raw_position) / np.sqrt(12.0))
+        position = np.maximum(position, self.reading_step / np.sqrt(12.0))
         if self.computed and self.controller is not None:
             assert self.given is not None
             # Before it is held: the mean of two samples is half as noisy where white noise is looked for.
@@ -389,4 +390,8 @@ class RecordedMotion(SignalBand):
     def _commanded(self, commanded: JointSignal | None) -> np.ndarray | None:
         if commanded is None or commanded.effort is None:
             return None
-        return onto_grid(commanded.time, commanded.effort, self.time)
+        return onto_grid(self._times(commanded.time, commanded.effort), commanded.effort, self.time)
+
+    def _times(self, time: np.ndarray, values: np.ndarray) -> SampleTimes:
+        """When the samples of another channel than the states were taken."""
+        return self._taken if np.array_equal(time, self._stamps) else sample_times(time, values)

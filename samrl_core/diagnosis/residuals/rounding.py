@@ -8,7 +8,7 @@ import numpy as np
 
 from samrl_core.diagnosis.residuals.control_law import position_error, squared_rounding_error
 from samrl_core.diagnosis.residuals.motion import RecordedMotion
-from samrl_core.diagnosis.residuals.signal_noise import quantum, sample_detail
+from samrl_core.diagnosis.residuals.signal_noise import sample_detail
 
 LONGEST_S = 1.0  # ASSUMPTION: so long a slow axis keeps a reading, and its error
 
@@ -19,8 +19,8 @@ def rounding_noise(motion: RecordedMotion, raw: np.ndarray) -> np.ndarray:
     Differences of neighbours do not show it while an axis is slow. No more than the residual shows over some
     time: a drive that reads the log's own counts leaves nothing.
     """
-    assert motion.raw_position is not None and motion.controller is not None
-    most = motion.controller.stiffness * quantum(motion.raw_position) / np.sqrt(12.0)
+    assert motion.controller is not None
+    most = motion.controller.stiffness * motion.reading_step / np.sqrt(12.0)
     longest = min(LONGEST_S * motion.rate, (len(raw) - 1) / 2)
     strides = [2**k for k in range(int(np.log2(max(longest, 1.0))) + 1)]
     return np.minimum(most, np.max([sample_detail(raw, s) for s in strides], axis=0))
@@ -33,8 +33,7 @@ def widen_where_held(sigma: np.ndarray, motion: RecordedMotion, rounded: np.ndar
     """
     if not np.any(rounded > 0):
         return sigma
-    kept = _find_kept(motion)
-    found = motion.reduce_variance(np.broadcast_to(rounded**2, kept.shape), kept)
+    found = motion.reduce_variance(np.broadcast_to(rounded**2, motion.kept.shape), motion.kept)
     return np.hypot(sigma, np.sqrt(np.maximum(found - motion.band_share * rounded**2, 0.0)))
 
 
@@ -45,13 +44,7 @@ def widen_at_edges(sigma: np.ndarray, motion: RecordedMotion) -> np.ndarray:
     assert command.position is not None
     wide = replace(controller, law=replace(controller.law, dead_band=0.0))
     error = position_error(wide, command.position, read)
-    variance = squared_rounding_error(controller, error, quantum(read))
+    variance = squared_rounding_error(controller, error, motion.reading_step)
     if not np.any(variance > 0):
         return sigma
-    return np.hypot(sigma, np.sqrt(motion.reduce_variance(variance, _find_kept(motion))))
-
-
-def _find_kept(motion: RecordedMotion) -> np.ndarray:
-    """(F, J) whether a reading is that of the sample before."""
-    assert motion.raw_position is not None
-    return np.diff(motion.raw_position, axis=0, prepend=np.nan) == 0.0
+    return np.hypot(sigma, np.sqrt(motion.reduce_variance(variance, motion.kept)))

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from scipy import interpolate, signal
 
-from samrl_core.diagnosis.residuals.signal_noise import regular
+from samrl_core.diagnosis.residuals.sample_times import SampleTimes, between, regular
 
 SMOOTH_HZ = 80.0  # for quantities that enter a nonlinear formula before the band is applied
 EDGE_PERIODS = 2.5  # of the band: so long after the start, and before the end, a filter bends signals
@@ -125,22 +125,33 @@ class SignalBand:
 
 
 def onto_grid(
-    time: np.ndarray, values: np.ndarray | None, grid: np.ndarray, wandering: bool = False
+    taken: SampleTimes, values: np.ndarray | None, grid: np.ndarray, wandering: bool = False
 ) -> np.ndarray | None:
-    """Samples on the grid: those of the same ticks as they are, slower ones interpolated.
+    """Samples on the grid: those of the same ticks as they are, what is missing or slower interpolated.
 
     `wandering` interpolates those whose stamps keep no regular clock too: nobody computed from them alone.
     """
     if values is None:
         return None
-    ticks = regular(time)
+    ticks = taken.time
     period, step = float(np.median(np.diff(ticks))), float(grid[1] - grid[0])
-    if period < 1.5 * step and not (wandering and ticks is time):
-        # Nearest, not interpolated: the controller computed from this very sample, noise included.
-        index = np.clip(np.searchsorted(ticks, grid), 1, len(ticks) - 1)
-        index -= (grid - ticks[index - 1]) < (ticks[index] - grid)
-        return values[index]
-    return np.stack([np.interp(grid, ticks, column) for column in values.T], axis=1)
+    if period >= 1.5 * step or (wandering and not (taken.regular or taken.own)):
+        return np.stack([np.interp(grid, ticks, column) for column in values.T], axis=1)
+    if taken.own:
+        return between(ticks, values, grid)
+    # Nearest, not interpolated: the controller computed from this very sample, noise included.
+    index = nearest(ticks, grid)
+    out = values[index]
+    missing = np.abs(ticks[index] - grid) > 0.75 * step
+    if taken.regular and missing.any():
+        out[missing] = between(ticks, values, grid[missing])
+    return out
+
+
+def nearest(ticks: np.ndarray, grid: np.ndarray) -> np.ndarray:
+    """Sample (F,) that is nearest to each time of the grid (F,)."""
+    index = np.clip(np.searchsorted(ticks, grid), 1, len(ticks) - 1)
+    return index - ((grid - ticks[index - 1]) < (ticks[index] - grid))
 
 
 def held_on_grid(

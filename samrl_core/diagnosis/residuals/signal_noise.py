@@ -50,14 +50,6 @@ def without_differences(states: JointSignal) -> JointSignal:
     return replace(states, velocity=None) if same else states
 
 
-def regular(time: np.ndarray) -> np.ndarray:
-    """Stamps freed of their jitter, where they belong to a regular clock; else as they are."""
-    index = np.arange(len(time))
-    period, start = np.polyfit(index, time, 1)
-    fitted = start + period * index
-    return fitted if float(np.max(np.abs(fitted - time))) < 0.45 * period else time
-
-
 def quantum(position: np.ndarray) -> np.ndarray:
     """Step (J,) of the grid that readings (F, J) lie on; 0 where they lie on none."""
     out = np.zeros(position.shape[1])

@@ -57,7 +57,10 @@ def _rub(machine: Machine, axis: int, law: Law) -> None:
 
 def _coulomb(m: Machine, i: int, severity: float, case: Case) -> Parameters:
     level, width = quantile(severity, 0.04, 0.3) * case.rub(i), 0.015 * case.scales.speed[i]
-    _rub(m, i, lambda t, q, v: level * v / math.hypot(v, width))
+    if any(m.dry):  # there it is one friction with that which is stated
+        m.dry[i] += level
+    else:
+        _rub(m, i, lambda t, q, v: level * v / math.hypot(v, width))
     return {"Fc": Quantity(level, "N m")}
 
 

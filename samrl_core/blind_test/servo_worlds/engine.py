@@ -17,6 +17,7 @@ import numpy as np
 from samrl_core.blind_test.servo_worlds.drives import ServoDrive, rotors
 from samrl_core.blind_test.servo_worlds.links import Link
 from samrl_core.blind_test.servo_worlds.mechanisms import Mechanism
+from samrl_core.blind_test.servo_worlds.stiction import hold_or_slip
 from samrl_core.common.errors import InputError
 
 SETTLE_S = 1.0  # under the first command, before the log begins
@@ -47,6 +48,7 @@ class Machine:
     wider: list[float]  # half widths added to dead bands
     coulomb: list[float]  # friction floor
     viscous: list[float]
+    dry: list[float]  # friction that holds a joint at rest
     friction: dict[int, list[Law]] = field(default_factory=dict)
     slip: dict[int, tuple[list[float], list[float], list[float]]] = field(
         default_factory=dict
@@ -78,7 +80,8 @@ def nominal_machine(mechanism: Mechanism, drive: dict[str, Any]) -> Machine:
     n = len(mechanism.links)
     return Machine(
         mechanism.links, dict(drive), np.array([0.0, 0.0, -9.80665]), rotors(drive),
-        [1.0] * n, [0.0] * n, [0.0] * n, [0.0] * n,
+        [1.0] * n, [0.0] * n, [0.0] * n, [link.damping for link in mechanism.links],
+        [link.friction for link in mechanism.links],
     )  # fmt: skip
 
 
@@ -142,6 +145,7 @@ class _Body:
         self._elastic = sorted(machine.spring)
         self._theta, self.turning = list(start), [0.0] * self._n  # of rotors
         self._passes = 2 if machine.friction or machine.slip or machine.spring else 1
+        self._held = [0.0] * self._n  # torque of dry friction
         self._at_link = machine.drive.get("encoder") == "link"
 
     def measured(self) -> tuple[list[float], list[float]]:
@@ -173,7 +177,7 @@ class _Body:
                 right[row] += m.rotor[i] * self.turning[i] + dt * a
                 if i in m.spring:
                     self._couple(i, row, link[i], turning[i], dt, left, right)
-            end = np.linalg.solve(left, right)
+            end = self._rub(left, right, dt) if any(m.dry) else np.linalg.solve(left, right)
             link = end[:n].tolist()
             turning = [float(end[n + elastic.index(i)]) if i in m.spring else link[i] for i in range(n)]
         self._v, self.turning = link, turning
@@ -181,6 +185,16 @@ class _Body:
         self._theta = [q + dt * v for q, v in zip(self._theta, turning, strict=True)]
         for i, (_, most, bent) in m.slip.items():
             bent[:] = [min(max(b + dt * turning[i], -x), x) for b, x in zip(bent, most, strict=True)]
+
+    def _rub(self, left: np.ndarray, right: np.ndarray, dt: float) -> np.ndarray:
+        """Velocities at the step's end with dry friction, at each axis where its motor is."""
+        rows = [self._n + self._elastic.index(i) if i in self._elastic else i for i in range(self._n)]
+        inverse = np.linalg.inv(left)
+        free = (inverse @ right)[rows]
+        self._held = hold_or_slip(free, dt * inverse[np.ix_(rows, rows)], self._m.dry, self._held)
+        push = right.copy()
+        push[rows] -= dt * np.array(self._held)
+        return inverse @ push
 
     def _motor(self, t: float, i: int, given: float, guess: float, dt: float) -> tuple[float, float]:
         """(a, c) of motor torque less friction."""

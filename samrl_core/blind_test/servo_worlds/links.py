@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,6 +22,8 @@ class Link:
     along: Triple  # direction of the centre of mass
     reach: float  # of the centre of mass along it [m]
     inertia: Triple  # principal moments about the centre of mass, frame's axes [kg m2]
+    friction: float = 0.0  # dry, as its description states it [N m or N]
+    damping: float = 0.0  # likewise [N m s/rad or N s/m]
 
 
 def with_point(link: Link, mass: float, at: float) -> Link:
@@ -40,9 +42,7 @@ def scaled(link: Link, mass: float, reach: float, inertia: float) -> Link:
 
 def _changed(link: Link, mass: float, reach: float, inertia: np.ndarray) -> Link:
     xx, yy, zz = (float(v) for v in inertia)
-    return Link(
-        link.name, link.joint, link.kind, link.axis, link.origin, mass, link.along, reach, (xx, yy, zz)
-    )
+    return replace(link, mass=mass, reach=reach, inertia=(xx, yy, zz))
 
 
 def urdf(name: str, links: tuple[Link, ...], effort: list[float], velocity: list[float]) -> str:
@@ -61,7 +61,7 @@ def urdf(name: str, links: tuple[Link, ...], effort: list[float], velocity: list
             f'    <parent link="{parent}"/>\n    <child link="{link.name}"/>\n'
             f'    <origin xyz="{_text(link.origin)}"/>\n    <axis xyz="{_text(link.axis)}"/>\n'
             f'    <limit lower="-{reach}" upper="{reach}" effort="{most:.6g}" velocity="{fastest:.6g}"/>\n'
-            "  </joint>"
+            f"{_dynamics(link)}  </joint>"
         )
         parent = link.name
     return "\n".join([*parts, "</robot>\n"])
@@ -69,3 +69,9 @@ def urdf(name: str, links: tuple[Link, ...], effort: list[float], velocity: list
 
 def _text(values: list[float] | tuple[float, ...]) -> str:
     return " ".join(f"{float(v):.9g}" for v in values)
+
+
+def _dynamics(link: Link) -> str:
+    if not (link.friction or link.damping):
+        return ""
+    return f'    <dynamics friction="{link.friction:.6g}" damping="{link.damping:.6g}"/>\n'

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -291,6 +291,4 @@ def mechanisms(rng: np.random.Generator) -> tuple[Mechanism, ...]:
 
 def _off_axis(link: Link, reach: float) -> Link:
     """The link with its centre of mass off the axis."""
-    return Link(
-        link.name, link.joint, link.kind, link.axis, link.origin, link.mass, link.along, reach, link.inertia
-    )
+    return replace(link, reach=reach)

@@ -52,6 +52,7 @@ class ServoSettings:
     outside: int = 6
     double: int = 4
     duration_s: float = 12.0  # of each recording
+    stated_friction: bool = False  # models state friction, machines stick, logs miss rows
 
     def __post_init__(self) -> None:
         counts = (self.single, self.none, self.outside, self.double)
@@ -83,6 +84,7 @@ class ServoItem:
     effects: tuple[ServoEffect, ...]
     seed: int
     duration_s: float
+    sticks: bool = False  # as its model states
 
     def as_dict(self) -> dict:
         """For JSON."""
@@ -117,6 +119,7 @@ def plan_servos(settings: ServoSettings) -> list[ServoItem]:
                 effects=tuple(_place(str(n), mechanism, severity, rng) for n in names),
                 seed=int(rng.integers(2**62)),
                 duration_s=settings.duration_s,
+                sticks=settings.stated_friction and drive != "stepper",
             )
         )
     return items

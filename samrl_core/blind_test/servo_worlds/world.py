@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,12 @@ from samrl_core.blind_test.servo_worlds.log_style import choose_style, mapping_o
 from samrl_core.blind_test.servo_worlds.mechanisms import Mechanism, mechanisms
 from samrl_core.blind_test.servo_worlds.motions import LETTERS, motion
 from samrl_core.blind_test.servo_worlds.plan import ROLE, ServoItem
+from samrl_core.blind_test.servo_worlds.stiction import (
+    near_stated,
+    ragged,
+    rounding_encoder,
+    with_friction,
+)
 from samrl_core.blind_test.servo_worlds.unknown import UNKNOWN
 
 # Half widths that the mapping states; the machine is sampled within them.
@@ -41,9 +47,15 @@ def make_servo_world(item: ServoItem) -> ServoWorld:
     Raises:
         RanAwayError: it left all bounds.
     """
-    sizes, drives, styles, background, noise, effects, streams = np.random.default_rng(item.seed).spawn(7)
+    sizes, drives, styles, background, noise, effects, streams, rubs = np.random.default_rng(item.seed).spawn(
+        8
+    )
     mechanism = next(m for m in mechanisms(sizes) if m.name == item.mechanism)
     scales = scales_of(mechanism)
+    if item.sticks:
+        share = 0.4 if item.drive in OPEN_LOOP else 1.0  # in open loop nobody makes good what friction takes
+        rub = [share * t for t in scales.torque]
+        mechanism = replace(mechanism, links=with_friction(mechanism.links, rub, scales.speed, rubs))
     drive = choose_drive(item.drive, mechanism, scales, drives)
     style = choose_style(mechanism, drive, styles)
     limit, fastest = [3.0 * t for t in scales.torque], [4.0 * s for s in scales.speed]
@@ -51,6 +63,7 @@ def make_servo_world(item: ServoItem) -> ServoWorld:
     wishes = {letter: motion(letter, mechanism, time, styles) for letter in LETTERS}
     asked = {k: _input(mechanism, drive, time, w) for k, w in wishes.items()}
     peak, held = _demands(mechanism, drive, time, asked["B"])
+    logger_seed, encoder_seed = (int(s) for s in rubs.integers(2**62, size=2))
     background_seed, effect_seed = (int(s.integers(2**62)) for s in (background, effects))
     tables, label_effects, real = {}, [], {}
     for letter in LETTERS:
@@ -72,8 +85,14 @@ def make_servo_world(item: ServoItem) -> ServoWorld:
             parameters = {name: asdict(quantity) for name, quantity in made.items()}
             label_effects.append({**asdict(effect), "onset": None, "series": 3, "parameters": parameters})
         steps = (2e-4 * min(mechanism.reach), 3e-3 * min(scales.speed))
+        if item.sticks:
+            rng = np.random.default_rng(encoder_seed)
+            machine.read.append(rounding_encoder(style.counts, float(drive["period_s"]), rng))
+            steps = (0.0, 0.0)
         log = run_machine(mechanism, machine, time, asked[letter], _start(asked[letter], drive), steps, noise)
         tables[letter] = table_of(log, asked[letter], drive, style, mechanism)
+        if item.sticks:
+            tables[letter] = ragged(tables[letter], np.random.default_rng([logger_seed, ord(letter)]))
     label = {
         "schema": 1, "id": item.id, "set": item.set, "engine": "hand-written", "arm": ROLE, "programme": 0,
         "mechanism": item.mechanism, "drive": item.drive, "effects": label_effects,
@@ -130,13 +149,24 @@ def _mismatch(
     rotor = 1.0 + t["armature"] * rng.uniform(-1, 1, size=count)
     machine.rotor = [r * float(f) for r, f in zip(machine.rotor, rotor, strict=True)]
     coulomb, viscous = rng.uniform(0, 1, size=(2, count))
-    machine.coulomb = [t["coulomb_friction"] * x * float(c) for x, c in zip(limit, coulomb, strict=True)]
-    machine.viscous = [
-        t["viscous_friction"] * x / v * float(c) for x, v, c in zip(limit, fastest, viscous, strict=True)
-    ]
+    dry = [t["coulomb_friction"] * x for x in limit]
+    wet = [t["viscous_friction"] * x / v for x, v in zip(limit, fastest, strict=True)]
+    if any(machine.dry):
+        machine.dry = [
+            near_stated(f, w, c) for f, w, c in zip(machine.dry, dry, 2 * coulomb - 1, strict=True)
+        ]
+        machine.viscous = [
+            near_stated(f, w, c) for f, w, c in zip(machine.viscous, wet, 2 * viscous - 1, strict=True)
+        ]
+    else:
+        machine.coulomb, machine.viscous = (
+            [x * float(c) for x, c in zip(widths, draws, strict=True)]
+            for widths, draws in ((dry, coulomb), (wet, viscous))
+        )
     tilt = t["base_tilt"] * rng.uniform(-1, 1, size=2)
     size = float(np.linalg.norm(machine.gravity))
     leaning = np.array([math.sin(tilt[1]), -math.sin(tilt[0]), 0.0])
     machine.gravity = size * (leaning + np.array([0, 0, -math.sqrt(1 - float(leaning @ leaning))]))
-    return {"link_mass_error": (t["mass"] * mass).tolist(), "coulomb_nm": machine.coulomb,
+    rubs = machine.dry if any(machine.dry) else machine.coulomb
+    return {"link_mass_error": (t["mass"] * mass).tolist(), "coulomb_nm": rubs,
             "viscous_nms_rad": machine.viscous, "base_tilt_rad": tilt.tolist()}  # fmt: skip

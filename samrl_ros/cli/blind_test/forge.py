@@ -41,6 +41,10 @@ Without = Annotated[int | None, typer.Option(help="Worlds without an effect.", m
 Outside = Annotated[int | None, typer.Option(help="Worlds with an effect outside the library.", min=0)]
 Double = Annotated[int | None, typer.Option(help="Worlds with two effects.", min=0)]
 Duration = Annotated[float | None, typer.Option(help="Length of each recording in seconds.")]
+StatedFriction = Annotated[
+    bool,
+    typer.Option("--stated-friction", help="Models state friction, machines stick, logs miss rows."),
+]
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder that samrl forge made.")]
 Workers = Annotated[int, typer.Option(help="Worlds at once.", min=1)]
 OnRay = Annotated[bool, typer.Option("--ray", help="Spread over a Ray cluster that sees the same folder.")]
@@ -127,6 +131,7 @@ def servos(
     outside: Outside = None,
     double: Double = None,
     duration: Duration = None,
+    stated_friction: StatedFriction = False,
     workers: Workers = SIDE_BY_SIDE,
     ray: OnRay = False,
 ) -> None:
@@ -140,6 +145,7 @@ def servos(
     asked = {"single": single, "none": none, "outside": outside, "double": double, "duration_s": duration}
     settings = ServoSettings(
         seed=number,
+        stated_friction=stated_friction,
         **{name: value for name, value in asked.items() if value is not None},  # ty: ignore[invalid-argument-type]
     )
     same_as_before(study, {"settings": asdict(settings), "commit": chosen})

@@ -21,6 +21,7 @@ from samrl_core.diagnosis.residuals.equations import (
     integrated_terms,
     integrates,
 )
+from samrl_core.diagnosis.residuals.motion import RecordedMotion
 from samrl_core.diagnosis.residuals.signal_noise import white_noise
 from samrl_core.diagnosis.residuals.trial import Trial, add
 
@@ -146,7 +147,7 @@ def _stamps(trial: Trial, tolerances: Tolerances) -> list[tuple[Columns, float]]
     stamp = max(tolerances.stamp, 0.5 / motion.rate)
     out: list[tuple[Columns, float]] = []
     if motion.u is not None and motion.tau is not None:
-        sent = motion.reduce(motion.sure_torque)
+        sent = motion.reduce(_sent(motion))
         columns = {("drive", j): motion.derivative(sent[:, j])[None] for j in range(trial.joints)}
         out.append((columns, stamp))
         if np.any(trial.rotor > 0):
@@ -155,7 +156,7 @@ def _stamps(trial: Trial, tolerances: Tolerances) -> list[tuple[Columns, float]]
             out.append(({("drive", j): jerk[None, :, j] for j in range(trial.joints)}, stamp))
     channel = "link" if "link" in trial.channels else "dynamics"
     if channel in trial.channels:
-        torque = motion.reduce(motion.sure_torque if motion.tau is None else motion.sure_effort)
+        torque = motion.reduce(_sent(motion) if motion.tau is None else motion.sure_effort)
         out.append(
             ({(channel, j): motion.derivative(torque[:, j])[None] for j in range(trial.joints)}, stamp)
         )
@@ -176,6 +177,18 @@ def _stamps(trial: Trial, tolerances: Tolerances) -> list[tuple[Columns, float]]
             for j in range(trial.joints):
                 out.append((trial.controller(j, part[None, :, j]), CONTROLLER_GAIN))
     return out
+
+
+def _sent(motion: RecordedMotion) -> np.ndarray:
+    """Torque (F, J) whose stamps may be off: a recorded voltage's, and not what the speed takes off it.
+
+    That is a matter of the states, as is all that it is compared with. So is a voltage that a law gives.
+    """
+    controller, torque = motion.controller, motion.sure_torque
+    if controller is None or motion.computed or controller.law.after_back_emf:
+        return torque
+    lost = controller.law.of_joints("back_emf", motion.joints) * motion.enabled * motion.sure_velocity
+    return torque + lost
 
 
 def _late_speeds(trial: Trial, tolerances: Tolerances) -> list[tuple[Columns, float]]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from samrl_core.cell.types.arm_recording import JointSignal
-from samrl_core.diagnosis.effects.drive.packet_age import detail_support
+from samrl_core.diagnosis.effects.drive.packet_age import detail_share, detail_support
 from samrl_core.diagnosis.effects.effect import Effect
 from samrl_core.diagnosis.effects.form import PresentForm, Shape
 from samrl_core.diagnosis.residuals.basis_functions import low_passed, resonant
@@ -17,6 +17,7 @@ from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.trial import Trial, add
 
 CUTOFFS = (8.0, 16.0, 24.0, 32.0, 48.0, 64.0, 96.0)  # [Hz] of filters that detail is compared with
+ACTS = 0.5  # of the detail of a torque that was sent, that must come out if it is more than the log's noise
 DELAYS = np.arange(0.0, 25.1, 0.5)  # [samples] likewise of delays
 
 
@@ -62,8 +63,8 @@ class LateForm(PresentForm):
         motion, command = trial.motion, trial.motion.command
         joints = self.place.joints
         if self.side == "effort":
-            assert motion.raw_commanded is not None
-            lost = motion.raw_commanded - self.late(trial, motion.raw_commanded, shape)
+            sent = acting_torque(trial)
+            lost = sent - self.late(trial, sent, shape)
             return add(*(trial.drive(j, lost[:, [j]].T) for j in joints))
         if command is None or command.position is None:
             return {}
@@ -102,6 +103,25 @@ def clearest_delay(trial: Trial, joints: Sequence[int]) -> float:
     """The delay [s] that explains most of the torque's detail, to half a sample."""
     supports = [float(np.sum(x[list(joints)])) for x in _supports(trial)[: len(DELAYS)]]
     return float(DELAYS[int(np.argmax(supports))]) / trial.motion.rate
+
+
+def acting_torque(trial: Trial) -> np.ndarray:
+    """Torque (F, J) sent to the drives, without its noise where none of that comes out of them.
+
+    Such noise is the log's own. It is in the drive's residual too, so that whatever takes it off the torque
+    that was sent, a filter or a delay, would explain it (errors in variables).
+    """
+    key = ("acting", "effort")
+    if key not in trial.cached:
+        motion = trial.motion
+        assert motion.raw_commanded is not None
+        best = np.argmax(_supports(trial)[: len(DELAYS)], axis=0)
+        share = np.zeros(trial.joints)
+        for k in np.unique(best):
+            passed = detail_share(trial, motion.delayed(motion.raw_commanded, DELAYS[k] / motion.rate))
+            share = np.where(best == k, passed, share)
+        trial.cached[key] = np.where(share > ACTS, motion.raw_commanded, motion.sure_torque)
+    return trial.cached[key]
 
 
 def _supports(trial: Trial) -> list[np.ndarray]:

@@ -88,14 +88,25 @@ def usual_age(trial: Trial, place: Place, side: str) -> int:
 
 def detail_support(trial: Trial, late: np.ndarray) -> np.ndarray:
     """[nat] by which an effort (F, J) as it arrives explains the detail of each joint's torque, (J,)."""
+    done, fast = _details(trial, late)
+    along = np.clip(np.sum(done * fast, axis=0), 0.0, None) ** 2 / np.maximum(np.sum(fast**2, axis=0), 1e-12)
+    left = 1.0 - along / np.maximum(np.sum(done**2, axis=0), 1e-12)
+    return -0.5 * len(fast) * np.log(np.maximum(left, 1e-6))
+
+
+def detail_share(trial: Trial, late: np.ndarray) -> np.ndarray:
+    """Share (J,) of an effort's (F, J) detail that is in each joint's torque, by regression."""
+    done, fast = _details(trial, late)
+    return np.sum(done * fast, axis=0) / np.maximum(np.sum(fast**2, axis=0), 1e-300)
+
+
+def _details(trial: Trial, late: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Detail (F, J) of each joint's torque and of an effort as it arrives."""
     low = _slow_filter(trial.motion.rate)
     if ("detail", "effort") not in trial.cached:
         done = _done(trial, "effort")
         trial.cached["detail", "effort"] = done - signal.sosfiltfilt(low, done, axis=0)
-    done, fast = trial.cached["detail", "effort"], late - signal.sosfiltfilt(low, late, axis=0)
-    along = np.clip(np.sum(done * fast, axis=0), 0.0, None) ** 2 / np.maximum(np.sum(fast**2, axis=0), 1e-12)
-    left = 1.0 - along / np.maximum(np.sum(done**2, axis=0), 1e-12)
-    return -0.5 * len(fast) * np.log(np.maximum(left, 1e-6))
+    return trial.cached["detail", "effort"], late - signal.sosfiltfilt(low, late, axis=0)
 
 
 def _sent(trial: Trial, side: str) -> np.ndarray:

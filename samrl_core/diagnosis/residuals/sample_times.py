@@ -12,6 +12,7 @@ import numpy as np
 from scipy import interpolate
 
 JITTERS = 0.45  # of a period, at most, in a clock that is still one
+MOST_ROWS = 0.8  # of a clock's ticks, at least, that a log holds
 MISSING = 1.5  # periods from a sample to the next, from where on one between them is missing
 SLOPE_SAMPLES = 4  # to either side, that tell how fast a reading moves
 HOLDS_SAMPLES = 10  # over which a clock that wanders still keeps its period
@@ -40,7 +41,9 @@ def regular(time: np.ndarray) -> np.ndarray:
     counts = [np.arange(len(time))]
     steps = np.diff(time)
     if len(steps) and (some := steps[steps <= MISSING * np.median(steps)]).any():
-        counts.append(np.concatenate([[0], np.cumsum(np.maximum(np.round(steps / np.mean(some)), 1.0))]))
+        index = np.concatenate([[0], np.cumsum(np.maximum(np.round(steps / np.mean(some)), 1.0))])
+        if len(time) >= MOST_ROWS * (index[-1] + 1):
+            counts.append(index)
     for index in counts:  # with every row there; else with as many missing as the steps say
         period, start = np.polyfit(index, time, 1)
         fitted = start + period * index

@@ -5,6 +5,8 @@ joint. It is told by trying: the motion is the log's, the columns are exchanged 
 what remains of the equation of torques is compared, after each joint was given an offset and friction of its
 own. One hypothesis must leave a small part of what the description as it stands leaves, and much less than
 any other. The diagnosis then goes on with the corrected recordings.
+
+At one joint alone it may be a unit, a gear's ratio, a sign, or a direction of turning.
 """
 
 from __future__ import annotations
@@ -21,6 +23,10 @@ from samrl_core.diagnosis.result import HeldOutGap, NamedEffect, ParameterEstima
 
 GROSS = 0.12  # share of the torque's variance that a right description hardly leaves
 EXPLAINS = 0.3  # of what the description leaves, that a hypothesis may leave
+ONE_JOINT = 0.5  # the same of one joint, from where on it is tried alone
+FAR = 3.0  # a factor of torques that no drive is off by
+OF_MODEL = 0.03  # of a fitted factor: ASSUMPTION, what masses and inertias are off by
+NEAR_UNIT = 0.2  # of a factor, within which it is a unit's
 CLEARLY = 0.5  # of what the next hypothesis leaves, likewise
 SAMPLES = 300  # per recording
 ALL_ORDERS = 4  # joints up to which every order is tried; beyond, exchanges, shifts and the reverse
@@ -38,7 +44,7 @@ TURN = 0.01  # [rad/s or m/s] over which friction turns its sign
 
 @dataclass(frozen=True)
 class Misdescription:
-    """What a log fits: joints in another order, or torques in another unit."""
+    """What a log fits: joints in another order, torques in another unit, or one that turns the other way."""
 
     family: str  # joint_order or unit_error
     order: tuple[int, ...]  # column of the log that belongs to each joint
@@ -46,25 +52,35 @@ class Misdescription:
     says: str
     before: float  # share of the torque's variance that is left, on fitted recordings
     after: float
+    joint: int = -1  # whose torque has the factor; all
+    turned: bool = False  # and whose motion is counted the other way round
+    unsure: tuple[float, float] = (0.0, 0.0)  # of the factor, relative; none of a unit's
 
     def corrected(self, recording: ArmRecording) -> ArmRecording:
         """The recording as the description means it."""
+        factors, turns = np.full(len(self.order), self.factor), np.ones(len(self.order))
+        if self.joint >= 0:
+            factors = np.where(np.arange(len(factors)) == self.joint, self.factor, 1.0)
+            turns[self.joint] = -1.0 if self.turned else 1.0
+
+        def mended(signal: JointSignal | None) -> JointSignal | None:
+            return None if signal is None else _corrected(signal, self.order, factors, turns)
+
+        states, enabled = mended(recording.states), recording.torque_enabled
+        assert states is not None
         return replace(
             recording,
-            states=_corrected(recording.states, self.order, self.factor),
-            command=None if recording.command is None else _corrected(recording.command, self.order, 1.0),
-            commanded_effort=None
-            if recording.commanded_effort is None
-            else _corrected(recording.commanded_effort, self.order, self.factor),
-            torque_enabled=None
-            if recording.torque_enabled is None
-            else _corrected(recording.torque_enabled, self.order, 1.0),
+            states=states,
+            command=mended(recording.command),
+            commanded_effort=mended(recording.commanded_effort),
+            torque_enabled=enabled and _corrected(enabled, self.order, np.ones(len(factors)), turns),
         )
 
     def named(self, arm: str, joints: Sequence[str]) -> NamedEffect:
         """As an effect of the report."""
         if self.family == "unit_error":
-            sizes = {"factor": ParameterEstimate(self.factor, "1", (self.factor, self.factor))}
+            low, high = sorted(self.factor * (1.0 + x) for x in self.unsure)
+            sizes = {"factor": ParameterEstimate(self.factor, "1", (low, high))}
         else:
             # Which joint's columns stand under this name, counted from 1.
             sizes = {
@@ -73,7 +89,8 @@ class Misdescription:
                 if j != k
             }
         certain = float(np.clip(1.0 - self.after / max(self.before, 1e-9), 0.0, 0.99))
-        return NamedEffect(self.family, f"arm:{arm}", certain, sizes, 0.0, "", "primary")
+        place = f"arm:{arm}" if self.joint < 0 else f"joint:{joints[self.joint]}"
+        return NamedEffect(self.family, place, certain, sizes, 0.0, "", "primary")
 
     def gap(self, trials: Sequence[Trial]) -> HeldOutGap | None:
         """How far the torque residual shrinks on recordings that were not looked at."""
@@ -81,7 +98,12 @@ class Misdescription:
             return None
         joints = tuple(range(trials[0].joints))
         before = float(np.sqrt(_left(trials, joints, 1.0)))
-        after = float(np.sqrt(_left(trials, self.order, self.factor)))
+        if self.joint >= 0:
+            own = [self.corrected(trial.recording) for trial in trials]
+            trials = [Trial(each, trial.rigid) for each, trial in zip(own, trials, strict=True)]
+            after = float(np.sqrt(_left(trials, joints, 1.0)))
+        else:
+            after = float(np.sqrt(_left(trials, self.order, self.factor)))
         share = 1.0 - after / before if before > 0 else 0.0
         return HeldOutGap(
             "residual torque along the log over the torque, RMS over joints", "1", before, after, None, None,
@@ -95,8 +117,10 @@ def misdescription(trials: Sequence[Trial]) -> Misdescription | None:
     if first.rigid is None or not ({"link", "dynamics"} & set(first.channels)):
         return None
     same = tuple(range(first.joints))
-    before = _left(trials, same, 1.0)
-    if before < GROSS:
+    whole = left_at_joints(trials, same, np.ones(len(same)), np.ones(len(same)))
+    before = float(np.mean(whole))
+    alone = _at_one_joint(trials, whole)
+    if before < GROSS and not alone:
         return None
     joints = first.recording.arm.joints
     tried = [
@@ -113,6 +137,7 @@ def misdescription(trials: Sequence[Trial]) -> Misdescription | None:
         )
         for unit, f in UNITS.items()
     ]
+    tried += [(left, replace(each, before=before)) for left, each in alone]
     if not tried:
         return None
     tried.sort(key=lambda item: item[0])
@@ -121,6 +146,70 @@ def misdescription(trials: Sequence[Trial]) -> Misdescription | None:
     if left > EXPLAINS * before or left > GROSS or left > CLEARLY * min(second, before):
         return None
     return replace(best, after=left)
+
+
+def _at_one_joint(trials: Sequence[Trial], whole: np.ndarray) -> list[tuple[float, Misdescription]]:
+    """Hypotheses of one joint each, with the mean share that they leave, of joints that stand out.
+
+    Its torques in another unit or with the other sign, its motion counted the other way round, or, where no
+    unit is near, torques of the other side of a gear.
+
+    Args:
+        trials: fitted recordings.
+        whole: (J,) what the description leaves.
+    """
+    out: list[tuple[float, Misdescription]] = []
+    same, once = tuple(range(len(whole))), np.ones(len(whole))
+    for j in np.flatnonzero(whole > ONE_JOINT).tolist():
+        if not all(_has_torque(trial, j) for trial in trials):
+            continue
+        name, mine = trials[0].recording.arm.joints[j], np.arange(len(whole)) == j
+        tried = [(f, False, f"the torques of {name} are in {unit}") for unit, f in UNITS.items()]
+        if len(whole) == 1:  # that is asked of all joints
+            tried = []
+        tried += [
+            (1 / f, False, f"the torques of {name} are {1 / f:.4g} times too small") for f in (1e-3, 1e-2)
+        ]
+        tried += [
+            (-1.0, False, f"the torques of {name} have the other sign"),
+            (-1.0, True, f"{name} turns the other way round"),
+            (1.0, True, f"the positions of {name} have the other sign"),
+        ]
+        geared = _best_factor(trials, j)
+        if abs(geared) > FAR and all(
+            abs(geared / f - 1.0) > NEAR_UNIT for f, turned, _ in tried if not turned
+        ):
+            tried.append((geared, False, f"the torques of {name} are before a gear of {geared:.3g}"))
+        for factor, turned, says in tried:
+            turns = np.where(mine, -1.0, 1.0) if turned else once
+            left = float(np.mean(left_at_joints(trials, same, np.where(mine, factor, 1.0), turns)))
+            unsure = (-OF_MODEL, OF_MODEL) if factor == geared else (0.0, 0.0)
+            made = Misdescription("unit_error", same, factor, says, 0.0, 0.0, j, turned, unsure)
+            out.append((left, made))
+    return out
+
+
+def _has_torque(trial: Trial, joint: int) -> bool:
+    """Whether a joint's torque was recorded as such: a law's is none, a voltage's falls with the speed."""
+    controller = trial.motion.controller
+    if trial.motion.computed:
+        return False
+    if trial.motion.tau is not None or controller is None or controller.law.after_back_emf:
+        return True
+    return float(controller.law.of_joints("back_emf", trial.joints)[joint]) == 0.0
+
+
+def _best_factor(trials: Sequence[Trial], joint: int) -> float:
+    """Factor of a joint's torque that leaves least, with an offset and friction of its own."""
+    moment = power = 0.0
+    for trial in trials:
+        logged, model, dq = _torques(trial, range(trial.joints), np.ones(trial.joints))
+        basis = _friction_basis(dq[:, joint])
+        free = [
+            x - basis @ np.linalg.lstsq(basis, x, rcond=None)[0] for x in (logged[:, joint], model[:, joint])
+        ]
+        moment, power = moment + float(free[0] @ free[1]), power + float(free[0] @ free[0])
+    return moment / max(power, 1e-300)
 
 
 def _orders(count: int) -> list[tuple[int, ...]]:
@@ -144,40 +233,68 @@ def _order_text(joints: Sequence[str], order: tuple[int, ...]) -> str:
 
 def _left(trials: Sequence[Trial], order: Sequence[int], factor: float) -> float:
     """Share of the torque's variance, mean over joints, that inverse dynamics, offsets and friction leave."""
-    columns = list(order)
-    shares = []
-    for trial in trials:
-        motion, rigid = trial.motion, trial.rigid
-        torque = motion.tau if motion.tau is not None else motion.u
-        assert rigid is not None and torque is not None
-        some = slice(None, None, max(1, len(motion.q) // SAMPLES))
-        q, dq, ddq = (x[some][:, columns] for x in (motion.q, motion.dq, motion.ddq))
-        logged = factor * torque[some][:, columns]
-        model = rigid.inverse_dynamics(q, dq, ddq)
-        if motion.tau is None:
-            model = model + trial.rotor * ddq
+    return float(np.mean(left_at_joints(trials, order, np.full(len(order), factor), np.ones(len(order)))))
+
+
+def left_at_joints(
+    trials: Sequence[Trial], order: Sequence[int], factors: np.ndarray, turns: np.ndarray
+) -> np.ndarray:
+    """The same of each joint (J,), mean over recordings.
+
+    Args:
+        trials: fitted recordings.
+        order: column of the log that belongs to each joint.
+        factors: (J,) of the torques.
+        turns: (J,) 1, or -1 of joints that turn the other way.
+    """
+    shares = np.zeros((len(trials), len(order)))
+    for t, trial in enumerate(trials):
+        logged, model, dq = _torques(trial, order, turns)
+        logged = factors * logged
         for j in range(trial.joints):
-            basis = np.stack([np.ones(len(dq)), np.tanh(dq[:, j] / TURN), dq[:, j]], axis=1)
-            scale = np.linalg.norm(basis, axis=0) + 1e-300
+            basis = _friction_basis(dq[:, j])
             rest = logged[:, j] - model[:, j]
-            rest = rest - basis / scale @ np.linalg.lstsq(basis / scale, rest, rcond=None)[0]
+            rest = rest - basis @ np.linalg.lstsq(basis, rest, rcond=None)[0]
             # In units of the larger of both: a tiny torque leaves no more than all of the model's.
             whole = max(float(np.var(logged[:, j])), float(np.var(model[:, j])), 1e-12)
-            shares.append(min(1.0, float(np.mean(rest**2)) / whole))
-    return float(np.mean(shares))
+            shares[t, j] = min(1.0, float(np.mean(rest**2)) / whole)
+    return np.mean(shares, axis=0)
 
 
-def _corrected(signal: JointSignal, order: Sequence[int], factor: float) -> JointSignal:
+def _torques(
+    trial: Trial, order: Sequence[int], turns: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Logged torque, the model's, and velocity (n, J) of some samples."""
+    motion, rigid, columns = trial.motion, trial.rigid, list(order)
+    torque = motion.tau if motion.tau is not None else motion.u
+    assert rigid is not None and torque is not None
+    some = slice(None, None, max(1, len(motion.q) // SAMPLES))
+    q, dq, ddq = (turns * x[some][:, columns] for x in (motion.q, motion.dq, motion.ddq))
+    model = rigid.inverse_dynamics(q, dq, ddq)
+    if motion.tau is None:
+        model = model + trial.rotor * ddq
+    return torque[some][:, columns], model, dq
+
+
+def _friction_basis(velocity: np.ndarray) -> np.ndarray:
+    """Offset and friction (n, 3) of a joint, each of length one."""
+    basis = np.stack([np.ones(len(velocity)), np.tanh(velocity / TURN), velocity], axis=1)
+    return basis / (np.linalg.norm(basis, axis=0) + 1e-300)
+
+
+def _corrected(
+    signal: JointSignal, order: Sequence[int], factors: np.ndarray, turns: np.ndarray
+) -> JointSignal:
     columns = list(order)
 
     def moved(values: np.ndarray | None) -> np.ndarray | None:
-        return None if values is None else values[:, columns]
+        return None if values is None else turns * values[:, columns]
 
-    effort = moved(signal.effort)
+    effort = None if signal.effort is None else factors * signal.effort[:, columns]
     return replace(
         signal,
         position=moved(signal.position),
         velocity=moved(signal.velocity),
         acceleration=moved(signal.acceleration),
-        effort=None if effort is None else factor * effort,
+        effort=effort,
     )

@@ -10,7 +10,7 @@ import pytest
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
 from samrl_core.diagnosis.result import Diagnosis
-from samrl_core.diagnosis.selection.description import Misdescription
+from samrl_core.diagnosis.selection.description import Misdescription, misdescription
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 from tests.diagnosis import worlds
@@ -48,6 +48,35 @@ def test_torques_in_another_unit_are_named() -> None:
     assert found.verdict == "effect" and found.effects[0].name == "unit_error@arm:tool_arm"
     assert found.effects[0].parameters["factor"].value == pytest.approx(KGF_M)
     assert "kgf m" in found.reasons[0]
+
+
+@pytest.mark.parametrize(
+    "joint, factor, turned, says",
+    [
+        (1, 1e-3, False, "the torques of lift are in N mm or mN m"),
+        (2, -1.0, False, "the torques of bend have the other sign"),
+        (1, -1.0, True, "lift turns the other way round"),
+        (2, 60.0, False, "the torques of bend are before a gear of"),
+    ],
+)
+def test_one_joint_with_a_unit_sign_or_gear_of_its_own(
+    joint: int, factor: float, turned: bool, says: str
+) -> None:
+    """The log is made wrong by the inverse of what mends it."""
+    undo = Misdescription("unit_error", (0, 1, 2), 1.0 / factor, "", 0.0, 0.0, joint, turned)
+    found = misdescription(worlds.trials([undo.corrected(r) for r in recordings()]))
+    assert found is not None and found.joint == joint and found.says.startswith(says)
+    assert found.factor == pytest.approx(factor, rel=0.05)
+    assert (
+        found.named("tool_arm", worlds.arm().joints).name == f"unit_error@joint:{worlds.arm().joints[joint]}"
+    )
+
+
+def test_a_drive_that_gives_half_of_its_torque_is_no_unit() -> None:
+    """Nor is a machine with nothing wrong."""
+    weak = Misdescription("unit_error", (0, 1, 2), 2.0, "", 0.0, 0.0, 1)
+    assert misdescription(worlds.trials([weak.corrected(r) for r in recordings()])) is None
+    assert misdescription(worlds.trials(recordings())) is None
 
 
 def test_masses_off_by_one_factor_are_named_as_that() -> None:

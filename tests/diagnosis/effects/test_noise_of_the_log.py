@@ -61,7 +61,8 @@ def spin(late_s: float, seed: int) -> ArmRecording:
     position = read[some, None] + 2e-5 * rng.standard_normal((len(time[some]), 1))
     about = {
         "type": "voltage_motor", "joints": ["turn"], "torque_constant": [CONSTANT],
-        "resistance": [RESISTANCE], "gear_ratio": [GEAR], "rotor_inertia": [0.0], "voltage_limit": [48.0], "period_s": 0.001,
+        "resistance": [RESISTANCE], "gear_ratio": [GEAR], "rotor_inertia": [0.0],
+        "voltage_limit": [48.0], "period_s": 0.001,
     }  # fmt: skip
     arm = ArmDescription(
         "tool_arm",

@@ -8,13 +8,13 @@ from samrl_core.diagnosis.effects.drive_torque import track_joints
 from samrl_core.diagnosis.effects.effect import Effect, Parameter
 from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, PresentForm, Shape
 from samrl_core.diagnosis.residuals.equations import TIMING_RATE_HZ, Columns
+from samrl_core.diagnosis.residuals.follow_command import part_that_follows, reads_what_is_logged
 from samrl_core.diagnosis.residuals.signal_noise import white_noise
 from samrl_core.diagnosis.residuals.trial import Trial, add
 
 CLIPPED = 0.01  # share of samples in the output's limit, from which on it hides what a gain does
 FACTORS = (0.55, 0.7, 0.85, 1.18, 1.4)  # of a gain, from which the search begins
 LEAST_FACTOR = 0.01  # a gain nearer to the described one is that one
-FOREIGN = 0.2  # of a damper's noise: so much that the recorded torque lacks is no noise of the controller
 
 
 class ControllerGain(Effect):
@@ -74,16 +74,8 @@ class ScaledGains(Form):
     """
 
     def columns(self, trial: Trial, shape: Shape) -> Columns:
-        law = trial.motion.described_law
-        terms = {"eK": law.spring + law.stiff_integral, "eD": sure_damper(trial), "eP": law.punch}
-        if trial.motion.computed:
-            # By the model: against what tolerances of masses say, a law would seem to explain their noise.
-            done = trial.delivered_torque + trial.motion.back_emf_loss
-            terms["eK"] = done - law.damper - law.punch - (law.integral - law.stiff_integral) - law.rest
-        terms["eD"] = terms["eD"] - law.stiff_integral
+        terms = sure_terms(trial)
         rows = -np.stack([terms[name] for name in self.amplitudes])
-        if trial.motion.computed:  # nothing changes where the output is clipped anyway
-            rows = rows * (np.abs(law.total) < trial.motion.limit())
         return add(*(trial.controller(j, rows[:, :, j]) for j in self.place.joints))
 
     def prior(self, trial: Trial, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
@@ -157,20 +149,37 @@ def clips(trial: Trial, place: Place) -> bool:
     return bool(np.mean(beyond[:, list(place.joints)]) > CLIPPED)
 
 
-def sure_damper(trial: Trial) -> np.ndarray:
-    """The law's damper (F, J) without noise that the controller did not read itself.
+def sure_terms(trial: Trial) -> dict[str, np.ndarray]:
+    """The law's terms (F, J) per parameter, without noise that the controller did not read itself.
 
-    Speeds that were differenced from rounded logs have noise of their own. The torque then lacks it, the
-    residual holds it, and a weaker damper would seem to explain it.
+    The residual holds that noise, and a weaker law would seem to explain it.
     """
-    motion, damper = trial.motion, trial.motion.described_law.damper
-    own = white_noise(damper, motion.rate)
-    if motion.computed or motion.asked is None:
-        foreign = own
-    else:
-        foreign = white_noise(trial.motion.described_law.total - motion.asked, motion.rate)
-    calm = motion.sure(damper, own)
-    return np.where(foreign > FOREIGN * own, calm, damper)
+    key = ("sure", "law")
+    if key not in trial.cached:
+        law = trial.motion.described_law
+        terms = np.stack([law.spring + law.stiff_integral, law.damper - law.stiff_integral, law.punch])
+        own = reads_what_is_logged(trial.motion)
+        if trial.motion.computed:
+            terms = _terms_by_model(trial)
+        elif not np.all(own):
+            terms = np.where(own, terms, part_that_follows(trial.motion, terms))
+        trial.cached[key] = dict(zip(("eK", "eD", "eP"), terms, strict=True))
+    found: dict[str, np.ndarray] = trial.cached[key]
+    return found
+
+
+def _terms_by_model(trial: Trial) -> np.ndarray:
+    """The same (3, F, J) of a law that stands for the torque: its spring is what the model needs.
+
+    Against what tolerances of masses say, a law would seem to explain their noise. Nothing changes where the
+    output is clipped anyway.
+    """
+    motion, law = trial.motion, trial.motion.described_law
+    done = trial.delivered_torque + motion.back_emf_loss
+    spring = done - law.damper - law.punch - (law.integral - law.stiff_integral) - law.rest
+    calm = motion.sure(law.damper, white_noise(law.damper, motion.rate))
+    terms = np.stack([spring, calm - law.stiff_integral, law.punch])
+    return np.asarray(terms * (np.abs(law.total) < motion.limit()))
 
 
 class Sag(Form):

@@ -21,6 +21,7 @@ class AskedStudy:
     second_set: bool  # half of the effects by the disturbances that were written anew
     families: tuple[str, ...]  # the only ones; empty: all
     duration_s: float | None  # of each recording
+    stated_friction: bool = False  # models state friction, and arms stick
 
     def settings(self, study: Study, seed: int) -> ForgeSettings:
         """Settings of a study in a folder, which may hold a part of it.
@@ -34,6 +35,7 @@ class AskedStudy:
             second_set=self.second_set,
             duration_s=every.duration_s if self.duration_s is None else self.duration_s,
             families=self.families,
+            stated_friction=self.stated_friction,
             **by_engine(study, counts, _usual(every), self.engines),
             **counts,
         )

@@ -10,6 +10,7 @@ import math
 import numpy as np
 from scipy.linalg.lapack import dposv  # ty: ignore[missing-module-member]
 
+from samrl_core.blind_test.engines.dry_friction import DryFriction
 from samrl_core.blind_test.engines.engine import Engine
 from samrl_core.blind_test.engines.hooks import Hooks
 
@@ -28,6 +29,7 @@ class DriveChain:
         stribeck_velocity: float,
         start: np.ndarray,
         load: np.ndarray,
+        dry: np.ndarray,
     ) -> None:
         """An arm at rest at `start` (J,) that carries `load` (J,).
 
@@ -40,6 +42,7 @@ class DriveChain:
             stribeck_velocity: at which the floor's sign is smoothed [rad/s].
             start: joint positions [rad].
             load: link-side torques at rest [N m].
+            dry: friction (J,) that holds joints at rest, beside that floor; (0,) without any [N m].
         """
         self._engine, self._hooks, self._mount = engine, hooks, mount_joints
         self._dt, self._joints = engine.timestep, len(start)
@@ -51,6 +54,8 @@ class DriveChain:
         self._coulomb_gradient = (coulomb / stribeck_velocity).tolist() if coulomb.any() else None
         self._stribeck_velocity = stribeck_velocity
         self._friction = list(hooks.friction.items())
+        self._dry = DryFriction(dry)
+        self._rigid = [i for i in range(self._joints) if i not in hooks.transmission]
         self._springs = list(enumerate(hooks.mount))
         self._passes = 2 if self._friction or self._elastic else 1  # the floor alone is smooth enough for one
         self._theta, self._omega = (
@@ -98,8 +103,14 @@ class DriveChain:
             self._link_guess = [v + dt * x for v, x in zip(velocity, acceleration, strict=True)]
             self._guess = self._link_guess[mount:]
             for i, a_spring, c_spring, stiff, freely in solved:
-                self._guess[i] = (freely - a_spring + c_spring * self._link_guess[mount + i]) / stiff
+                push = freely - a_spring + c_spring * self._link_guess[mount + i]
+                if self._dry:
+                    push = self._dry.stop(i, push + self._dry.torque[i])
+                self._guess[i] = push / stiff
+        rubbed = self._rub(mass, velocity, acceleration) if self._dry else None
         applied = [x - y * v for x, y, v in zip(a, c, self._link_guess, strict=True)]
+        if rubbed is not None:
+            applied = [x - y for x, y in zip(applied, rubbed, strict=True)]
         if beside is not None:
             applied = [x + y for x, y in zip(applied, beside, strict=True)]
         self._commit(t, q_rotor)
@@ -108,6 +119,23 @@ class DriveChain:
             passed = [x - y for x, y in zip(passed, beside, strict=True)]
         self._load = passed[mount:]
         return self._load
+
+    def _rub(self, mass: np.ndarray, velocity: list[float], acceleration: list[float]) -> list[float]:
+        """Dry friction (n,) of rigid joints; the step's accelerations and guesses are changed by it."""
+        rows = [self._mount + i for i in self._rigid]
+        inverse = np.linalg.inv(mass)
+        free = np.array([velocity[r] + self._dt * acceleration[r] for r in rows])
+        held = self._dry.stop_together(self._rigid, free, self._dt * inverse[np.ix_(rows, rows)])
+        taken = inverse[:, rows] @ held
+        torques = [0.0] * len(velocity)
+        for row, torque in zip(rows, held.tolist(), strict=True):
+            torques[row] = torque
+        for row, less in enumerate(taken.tolist()):
+            acceleration[row] -= less
+            self._link_guess[row] -= self._dt * less
+        for i in self._rigid:
+            self._guess[i] = self._link_guess[self._mount + i]
+        return torques
 
     def _beside(self, t: float) -> list[float] | None:
         """Torques on the links past the sensors, mount included; None without any."""
@@ -151,7 +179,7 @@ class DriveChain:
             a_spring, c_spring = self._hooks.transmission[i].linear(t, twist, rate, dt)
             inertia = self._rotor[i] / dt
             stiff = inertia + gradient[i] + c_spring
-            freely = inertia * self._omega[i] + driven[i]
+            freely = inertia * self._omega[i] + driven[i] - (self._dry.torque[i] if self._dry else 0.0)
             solved.append((i, a_spring, c_spring, stiff, freely))
             a[mount + i] = a_spring + c_spring * (freely - a_spring) / stiff
             c[mount + i] = c_spring * (1.0 - c_spring / stiff)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -32,6 +32,7 @@ class Reality:
     gravity: np.ndarray  # (3,) in the base frame [m/s2]
     position_noise: float  # standard deviation [rad]
     velocity_noise: float  # [rad/s]
+    dry: np.ndarray = field(default_factory=lambda: np.zeros(0))  # that holds joints at rest; or (0,) [N m]
 
     @staticmethod
     def ideal(armature: np.ndarray, gravity: np.ndarray) -> Reality:
@@ -113,6 +114,7 @@ def simulate(
         reality.stribeck_velocity,
         start,
         model.gravity(start),
+        reality.dry,
     )
     settle = round(SETTLE_S / period)
     count = len(shaped.time)

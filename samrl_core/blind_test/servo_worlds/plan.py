@@ -61,6 +61,10 @@ class ServoSettings:
         if not 4.0 <= self.duration_s <= 35.0:
             raise InputError(f"recordings of {self.duration_s} s; give 4..35 s")
 
+    def as_dict(self) -> dict:
+        """For JSON; without what older studies do not state, where it is as in them."""
+        return {name: value for name, value in asdict(self).items() if name != "stated_friction" or value}
+
 
 @dataclass(frozen=True)
 class ServoEffect:

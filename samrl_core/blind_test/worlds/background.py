@@ -9,6 +9,7 @@ import numpy as np
 from samrl_core.blind_test.disturbances.load.base_tilt import tilted
 from samrl_core.blind_test.engines.arm_body import ArmBody, scaled_inertia, with_tool
 from samrl_core.blind_test.engines.simulate import Reality
+from samrl_core.blind_test.worlds.stated_friction import StatedFriction, near
 from samrl_core.cell.robots.robot import RobotSpec
 from samrl_core.cell.types.arm_description import STANDARD_GRAVITY, NominalTool, Tolerances
 
@@ -38,6 +39,7 @@ def sample_background(
     tolerances: Tolerances,
     scale: float,
     rng: np.random.Generator,
+    stated: StatedFriction,
 ) -> Background:
     """Sample an arm uniformly within `scale` times the tolerances.
 
@@ -70,12 +72,13 @@ def sample_background(
         scale * _spread(tolerances.torque_offset, limits.effort) * rng.uniform(-1, 1, size=joints)
         for _ in range(2)
     )
-    coulomb = scale * _spread(tolerances.coulomb_friction, limits.effort) * rng.uniform(0, 1, size=joints)
-    viscous = (
-        scale
-        * _spread(tolerances.viscous_friction, limits.effort / limits.velocity)
-        * rng.uniform(0, 1, size=joints)
-    )
+    dry_width = scale * _spread(tolerances.coulomb_friction, limits.effort)
+    wet_width = scale * _spread(tolerances.viscous_friction, limits.effort / limits.velocity)
+    shares = rng.uniform(0, 1, size=joints), rng.uniform(0, 1, size=joints)
+    coulomb, viscous, dry = dry_width * shares[0], wet_width * shares[1], np.zeros(0)
+    if stated.any:
+        dry, viscous = near(stated.dry, dry_width, shares[0]), near(stated.wet, wet_width, shares[1])
+        coulomb = np.zeros(joints)
     tilt = scale * tolerances.base_tilt * rng.uniform(-1, 1, size=2)
     rotor = armature * (1 + scale * tolerances.armature * rng.uniform(-1, 1, size=joints))
     # A stamp's offset is against another channel: half of it on each side.
@@ -89,7 +92,10 @@ def sample_background(
         gravity=tilted(np.array(STANDARD_GRAVITY), float(tilt[0]), float(tilt[1])),
         position_noise=float(rng.uniform(1e-5, 5e-5)),
         velocity_noise=float(rng.uniform(3e-4, 1.5e-3)),
+        dry=dry,
     )
+    if stated.any:  # encoders that round make the noise
+        reality = replace(reality, position_noise=0.0, velocity_noise=0.0)
     effort_noise = float(rng.uniform(0.02, 0.08))
     jitter = float(rng.uniform(1e-5, 5e-5))
     label = {
@@ -99,7 +105,7 @@ def sample_background(
         "tool_mass_error": float(tool_error),
         "drive_offset_nm": drive.tolist(),
         "sensor_offset_nm": sensor.tolist(),
-        "coulomb_nm": coulomb.tolist(),
+        "coulomb_nm": (dry if stated.any else coulomb).tolist(),
         "viscous_nms_rad": viscous.tolist(),
         "armature_kgm2": rotor.tolist(),
         "base_tilt_rad": tilt.tolist(),

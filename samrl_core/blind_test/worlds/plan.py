@@ -45,6 +45,7 @@ class ForgeSettings:
     wide_share: float = 1 / 3  # of worlds whose background leaves the tolerances, up to twice
     second_set: bool = True  # else all are of the first
     families: tuple[str, ...] = ()  # effects to sample from, of the library's and those outside; none: all
+    stated_friction: bool = False  # models state friction, arms stick, logs lose messages
 
     def __post_init__(self) -> None:
         self._check_families()
@@ -89,8 +90,9 @@ class ForgeSettings:
         return tuple(name for name in every if not self.families or name in self.families)
 
     def as_dict(self) -> dict:
-        """For JSON; without the families where all are drawn from, as older studies state it."""
-        return {name: value for name, value in asdict(self).items() if name != "families" or value}
+        """For JSON; without what older studies do not state, where it is as in them."""
+        newer = ("families", "stated_friction")
+        return {name: value for name, value in asdict(self).items() if name not in newer or value}
 
 
 @dataclass(frozen=True)
@@ -118,6 +120,7 @@ class PlanItem:
     scale: float  # of the background against its tolerances
     seed: int
     duration_s: float
+    sticks: bool = False  # as its model states
 
     def as_dict(self) -> dict:
         """For JSON."""
@@ -184,6 +187,7 @@ def plan_worlds(settings: ForgeSettings) -> list[PlanItem]:
                 scale=float(rng.uniform(1.2, 2.0)) if wide[k] else 1.0,
                 seed=int(rng.integers(2**62)),
                 duration_s=settings.duration_s,
+                sticks=settings.stated_friction,
             )
         )
     return items

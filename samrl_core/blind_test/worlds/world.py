@@ -5,7 +5,7 @@ Three recordings as a real arm could have made them, the truth, and the best pos
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -27,6 +27,12 @@ from samrl_core.blind_test.worlds.nominal import (
     world_command,
 )
 from samrl_core.blind_test.worlds.plan import PlanItem, PlannedEffect
+from samrl_core.blind_test.worlds.stated_friction import (
+    StatedFriction,
+    encoders,
+    state_friction,
+    with_losses,
+)
 from samrl_core.blind_test.worlds.world_cache import load_or_compute
 from samrl_core.cell.types.arm_description import STANDARD_GRAVITY, Tolerances
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
@@ -61,7 +67,7 @@ def make_world(
     streams = np.random.default_rng(item.seed).spawn(2 + len(item.effects))
     arm = nominal_arm(item.arm)
     background = sample_background(
-        arm.spec, arm.bare, arm.tool, ARMATURE[item.arm], stated, item.scale, streams[0]
+        arm.spec, arm.bare, arm.tool, ARMATURE[item.arm], stated, item.scale, streams[0], _friction(item)
     )
     injections = [
         _inject(planned, item, arm, stream) for planned, stream in zip(item.effects, streams[2:], strict=True)
@@ -74,7 +80,12 @@ def make_world(
             item, letter, trace, background, stated, np.random.default_rng(stamp_seed)
         )
     held_out_effects = seeds[list(SETS).index(HELD_OUT)][1]
-    nominal = _nominal(item.arm, item.programme, item.duration_s, item.engine)
+    plain = replace(item, effects=())
+    nominal = (
+        _run(plain, HELD_OUT, [], 0, None, 0)
+        if item.sticks
+        else _nominal(item.arm, item.programme, item.duration_s, item.engine)
+    )
     best = _run(item, HELD_OUT, injections, held_out_effects, None, 0) if injections else nominal
     oracle = Oracle(*_signals(best), *_signals(nominal))
     return recordings, _label(item, injections, background), oracle
@@ -135,11 +146,14 @@ def _run(
         attach(injection, planned.onset, hooks, rng)
     controller = description(item.arm, letter, Tolerances()).controller
     assert controller is not None
-    reality = (
-        Reality.ideal(ARMATURE[item.arm], np.array(STANDARD_GRAVITY))
-        if background is None
-        else background.reality
-    )
+    reality = Reality.ideal(ARMATURE[item.arm], np.array(STANDARD_GRAVITY))
+    if item.sticks:
+        friction = _friction(item)
+        reality = replace(reality, dry=friction.dry, viscous=friction.wet)
+    if background is not None:
+        reality = background.reality
+        if item.sticks:
+            hooks.encoder.append(encoders(len(controller.joints), controller.period_s, item.seed))
     return simulate(
         arm.model,
         arm.body if background is None else background.body,
@@ -150,6 +164,10 @@ def _run(
         item.engine,
         np.random.default_rng(noise_seed),
     )
+
+
+def _friction(item: PlanItem) -> StatedFriction:
+    return state_friction(nominal_arm(item.arm).spec, item.seed, item.sticks)
 
 
 @lru_cache(maxsize=64)
@@ -198,18 +216,25 @@ def _recorded(
     stamps = trace.time + background.stamp_offsets[:, None] + jitter
     stamps -= stamps[:, 0].min()
     noise = rng.normal(size=trace.effort.shape) * background.effort_noise
+    arm = description(item.arm, letter, tolerances)
+    assert arm.urdf is not None
+    effort = trace.effort + background.sensor_offset + noise
+    states, commanded = (
+        JointSignal(stamps[0], trace.position, trace.velocity, effort=effort),
+        JointSignal(stamps[2], effort=trace.commanded),
+    )
+    if item.sticks:
+        states, commanded = with_losses(states, rng), with_losses(commanded, rng)
     return ArmRecording(
         name=letter,
         source="",
         sha256="",
-        arm=description(item.arm, letter, tolerances),
-        states=JointSignal(
-            stamps[0], trace.position, trace.velocity, effort=trace.effort + background.sensor_offset + noise
-        ),
+        arm=replace(arm, urdf=_friction(item).in_urdf(arm.urdf, arm.joints)),
+        states=states,
         command=JointSignal(
             stamps[1], command.position, command.velocity, command.acceleration, command.effort
         ),
-        commanded_effort=JointSignal(stamps[2], effort=trace.commanded),
+        commanded_effort=commanded,
     )
 
 

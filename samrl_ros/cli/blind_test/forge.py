@@ -83,6 +83,7 @@ def forge(
         typer.Option("--family", "--effect", help="Only this family of effects; may be repeated."),
     ] = None,
     duration: Duration = None,
+    stated_friction: StatedFriction = False,
     workers: Workers = SIDE_BY_SIDE,
     ray: OnRay = False,
 ) -> None:
@@ -105,6 +106,7 @@ def forge(
         second_set,
         tuple(family or ()),
         duration,
+        stated_friction,
     )
     settings = asked.settings(study, number)
     same_as_before(study, {"settings": settings.as_dict(), "commit": chosen})
@@ -148,11 +150,11 @@ def servos(
         stated_friction=stated_friction,
         **{name: value for name, value in asked.items() if value is not None},  # ty: ignore[invalid-argument-type]
     )
-    same_as_before(study, {"settings": asdict(settings), "commit": chosen})
+    same_as_before(study, {"settings": settings.as_dict(), "commit": chosen})
     plan = plan_servos(settings)
     make_console().print(f"{len(plan)} worlds of servo machines", soft_wrap=True)
     todo = [ServoMaking(study.root, item) for item in plan if not study.made(item.id)]
-    facts = {"commit": chosen, "settings": _published(asdict(settings)), "servo_worlds": True}
+    facts = {"commit": chosen, "settings": _published(settings.as_dict()), "servo_worlds": True}
     make_and_seal(study, [item.id for item in plan], make_servo, todo, facts, RanAwayError, workers, ray)
 
 

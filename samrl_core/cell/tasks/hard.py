@@ -58,6 +58,7 @@ def _flipping() -> Task:
         half_range=(0.025, 0.025),
         small_radius=0.040,
         blade_width=0.030,
+        aside=0.018,
         surface_deviation=0.0029,
         shaken=True,
         upright=(1.2, 1.4),

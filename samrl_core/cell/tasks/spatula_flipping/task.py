@@ -77,6 +77,7 @@ class SpatulaFlipping(Task):
     clear_height: float = 0.080  # of the edge where it passes over a lying pancake [m]
     gap: float = 0.030  # between the edge and the rim where it comes down [m]
     under: float = 0.055  # the edge stops so far before the lip [m]
+    aside: float = 0.004  # so far beside the pancake's middle it stays under it [m]
     arc_radius: float = 0.055  # of the edge's way about the foot of the lip [m]
     arc_end: float = 1.9  # angle above the table at which the arc ends [rad]
     arc_step: float = 0.10  # angle between two sub-goals [rad]
@@ -294,10 +295,12 @@ class SpatulaFlipping(Task):
         under = SubGoal("under", np.array([self.lip_x - self.under, y, low]), 0.003, self.push_step)
         behind = SubGoal("behind", np.array([behind_x, y, low]), 0.002, self.free_step)
         rest = tuple(goal for _, goal in self._arc.goals(y))
-        beside = abs(tip[1] - y)
-        if tip[2] < low + 0.004 and beside < 0.004 and tip[0] > behind_x - 0.004 and ahead < 0.0:
+        is_low = tip[2] < low + 0.004  # and before the rim nothing stands in its way
+        free_x = behind_x + (0.5 * self.gap if is_low else 0.004)
+        aside = 0.004 if tip[0] < free_x else self.aside
+        if is_low and abs(tip[1] - y) < aside and tip[0] > behind_x - 0.004 and ahead < 0.0:
             return (under, *rest)
-        if tip[0] < behind_x + 0.004:
+        if tip[0] < free_x:
             return (behind, under, *rest)
         over = SubGoal("over", np.array([behind_x, y, clear_z]), 0.004, self.free_step)
         if tip[2] > clear_z - 0.004:

@@ -1,10 +1,13 @@
 """Logs that miss rows or are stamped late: samples stand on the log's own clock, wherever they belong."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from samrl_core.diagnosis.residuals.sample_times import regular, sample_times
 from samrl_core.diagnosis.residuals.signal_band import onto_grid
+from tests.diagnosis import worlds
 
 PERIOD = 0.004
 
@@ -49,3 +52,22 @@ def test_a_clock_without_gaps_and_one_that_none_keeps_are_as_before():
     assert np.abs(regular(np.round(every, 3)) - every).max() < 2e-4
     wild = np.cumsum(np.random.default_rng(1).exponential(PERIOD, size=3000))
     assert regular(wild) is wild
+
+
+def test_a_command_that_somebody_differenced_is_differenced_on_its_clock():
+    """Over stamps that jitter by 3 % a speed would be off by 2 % of itself, at random."""
+    recording = worlds.world(3, "B")[0]
+    command = recording.command
+    assert command is not None and command.position is not None
+    rng = np.random.default_rng(0)
+    step = float(np.median(np.diff(command.time)))
+    stamps = command.time + step * np.clip(0.03 * rng.normal(size=len(command)), -0.4, 0.4)
+    differenced = np.gradient(command.position, stamps, axis=0)
+    late = replace(command, time=stamps, velocity=differenced)
+    found = worlds.trials([replace(recording, command=late)])[0].motion.command
+    assert found is not None and found.velocity is not None
+    true = np.gradient(command.position, command.time, axis=0)
+    size = np.abs(true).max()
+    assert np.abs(differenced - true).max() > 0.02 * size
+    nearest = np.clip(np.round((found.time - command.time[0]) / step).astype(int), 0, len(true) - 1)
+    assert np.abs(found.velocity - true[nearest]).max() < 0.01 * size

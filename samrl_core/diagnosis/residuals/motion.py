@@ -122,8 +122,12 @@ class RecordedMotion(SignalBand):
         command = self.recording.command
         if command is None or len(command) < 2:
             return None
+        speed = command.velocity
+        if command.position is not None and without_differences(command).velocity is None:
+            # Somebody's differences over jittered stamps: off by as much as those steps are.
+            speed = np.gradient(command.position, self._times(command.time, command.position).time, axis=0)
         position, velocity, effort = (
-            self._tracked(command.time, x) for x in (command.position, command.velocity, command.effort)
+            self._tracked(command.time, x) for x in (command.position, speed, command.effort)
         )
         if position is None:
             if command.velocity is None or self.controller is None or np.any(self.controller.stiffness > 0):
@@ -153,7 +157,7 @@ class RecordedMotion(SignalBand):
 
     @property
     def controller(self) -> ArmController | None:
-        """The described controller."""
+        """As described."""
         return self.recording.arm.controller
 
     @cached_property
@@ -393,5 +397,4 @@ class RecordedMotion(SignalBand):
         return onto_grid(self._times(commanded.time, commanded.effort), commanded.effort, self.time)
 
     def _times(self, time: np.ndarray, values: np.ndarray) -> SampleTimes:
-        """When the samples of another channel than the states were taken."""
         return self._taken if np.array_equal(time, self._stamps) else sample_times(time, values)

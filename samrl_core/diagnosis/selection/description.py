@@ -119,9 +119,8 @@ def misdescription(trials: Sequence[Trial]) -> Misdescription | None:
     same = tuple(range(first.joints))
     whole = left_at_joints(trials, same, np.ones(len(same)), np.ones(len(same)))
     before = float(np.mean(whole))
-    alone = _at_one_joint(trials, whole)
-    if before < GROSS and not alone:
-        return None
+    if before < GROSS:
+        return _clearest(_at_one_joint(trials, whole))
     joints = first.recording.arm.joints
     tried = [
         (
@@ -137,19 +136,25 @@ def misdescription(trials: Sequence[Trial]) -> Misdescription | None:
         )
         for unit, f in UNITS.items()
     ]
-    tried += [(left, replace(each, before=before)) for left, each in alone]
+    return _clearest(tried) or _clearest(_at_one_joint(trials, whole))
+
+
+def _clearest(tried: list[tuple[float, Misdescription]]) -> Misdescription | None:
+    """The one of these hypotheses, with what each leaves, that leaves little and much less than the others."""
     if not tried:
         return None
     tried.sort(key=lambda item: item[0])
     left, best = tried[0]
-    second = tried[1][0] if len(tried) > 1 else before
-    if left > EXPLAINS * before or left > GROSS or left > CLEARLY * min(second, before):
+    second = tried[1][0] if len(tried) > 1 else best.before
+    if left > EXPLAINS * best.before or left > GROSS or left > CLEARLY * min(second, best.before):
         return None
     return replace(best, after=left)
 
 
 def _at_one_joint(trials: Sequence[Trial], whole: np.ndarray) -> list[tuple[float, Misdescription]]:
-    """Hypotheses of one joint each, with the mean share that they leave, of joints that stand out.
+    """Hypotheses of one joint each, of those that stand out, with what they leave there.
+
+    What they change at other joints counts too.
 
     Its torques in another unit or with the other sign, its motion counted the other way round, or, where no
     unit is near, torques of the other side of a gear.
@@ -182,9 +187,10 @@ def _at_one_joint(trials: Sequence[Trial], whole: np.ndarray) -> list[tuple[floa
             tried.append((geared, False, f"the torques of {name} are before a gear of {geared:.3g}"))
         for factor, turned, says in tried:
             turns = np.where(mine, -1.0, 1.0) if turned else once
-            left = float(np.mean(left_at_joints(trials, same, np.where(mine, factor, 1.0), turns)))
+            shares = left_at_joints(trials, same, np.where(mine, factor, 1.0), turns)
+            left = max(0.0, float(np.sum(shares) - np.sum(whole[~mine])))
             unsure = (-OF_MODEL, OF_MODEL) if factor == geared else (0.0, 0.0)
-            made = Misdescription("unit_error", same, factor, says, 0.0, 0.0, j, turned, unsure)
+            made = Misdescription("unit_error", same, factor, says, float(whole[j]), 0.0, j, turned, unsure)
             out.append((left, made))
     return out
 

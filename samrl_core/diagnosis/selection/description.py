@@ -140,7 +140,7 @@ def misdescription(trials: Sequence[Trial]) -> Misdescription | None:
 
 
 def _clearest(tried: list[tuple[float, Misdescription]]) -> Misdescription | None:
-    """The one of these hypotheses, with what each leaves, that leaves little and much less than the others."""
+    """The one of these hypotheses, with what each leaves, that leaves little and clearly less than others."""
     if not tried:
         return None
     tried.sort(key=lambda item: item[0])

@@ -22,12 +22,13 @@ from samrl_core.diagnosis.kinds.kinds import KINDS, kind_of
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.trial import as_arms
-from samrl_core.diagnosis.result import Diagnosis, InputFile
+from samrl_core.diagnosis.result import Diagnosis, InputFile, LeastSize
 from samrl_core.diagnosis.selection import verdict as rules
 from samrl_core.diagnosis.selection.description import Misdescription
 from samrl_core.diagnosis.selection.how_far import HowFar
 from samrl_core.diagnosis.selection.hypothesis import Evidence
 from samrl_core.diagnosis.selection.judge import judge_sets
+from samrl_core.diagnosis.selection.least_sizes import least_sizes
 from samrl_core.diagnosis.selection.selection import Selection, SelectionSettings, select
 
 Progress = Callable[[str], None]
@@ -273,7 +274,7 @@ def _conclude(
         heatmap=grid,
         tiles=tile_gaps(likelihood, z, k, does),
         information={} if chosen is None else kind.information(likelihood, chosen),
-        least_sizes=tuple(kind.least_sizes(evidence, case.effects, selection.threshold)),
+        least_sizes=_least_sizes(evidence, selection, outcome),
         timelines=timelines(likelihood, z, k, onsets, does),
         curves=tuple(c for c in curves if c is not None),
         tracked=track(evidence, chosen, unnamed, np.random.default_rng(settings.seed), kind.effects)
@@ -296,6 +297,13 @@ def _conclude(
         far = replace(far, correction=kind.correction(evidence, chosen, far, sure, rng))
     watch.done("report")
     return kind.finish(diagnosis, likelihood.trials[0]), far
+
+
+def _least_sizes(evidence: Evidence, selection: Selection, outcome: rules.Decision) -> tuple[LeastSize, ...]:
+    """From which sizes on recordings show effects: where nothing was found, and where that costs little."""
+    if outcome.verdict != "no_gap" and not evidence.likelihood.exact:
+        return ()
+    return tuple(least_sizes(evidence, selection.pool, selection.threshold))
 
 
 def _version() -> str:

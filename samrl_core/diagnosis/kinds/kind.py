@@ -13,7 +13,7 @@ from samrl_core.diagnosis.export.correction import Correction
 from samrl_core.diagnosis.export.recalibration import Recalibration
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
-from samrl_core.diagnosis.result import Curve, Diagnosis, LeastSize, NextExperiment
+from samrl_core.diagnosis.result import Curve, Diagnosis, NextExperiment
 from samrl_core.diagnosis.selection.description import Misdescription
 from samrl_core.diagnosis.selection.how_far import HowFar
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
@@ -105,15 +105,6 @@ class Kind(ABC, Generic[R]):
     def information(self, likelihood: Likelihood, fit: Fit) -> dict[str, dict[str, float]]:
         """Least standard deviation of each parameter by effect that noise allows, were all else as stated."""
         return {}
-
-    def least_sizes(
-        self, evidence: Evidence, effects: Sequence[Effect[Any]], threshold: float
-    ) -> list[LeastSize]:
-        """From which sizes on recordings show each effect, where its columns alone say that.
-
-        `threshold` [nat] is what an effect needs against nothing.
-        """
-        return []
 
     def finish(self, diagnosis: Diagnosis, trial: Observed) -> Diagnosis:
         """The report in the units of this system."""

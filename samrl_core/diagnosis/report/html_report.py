@@ -38,6 +38,7 @@ from samrl_core.diagnosis.report.figures import (
     script_json,
     timeline_figure,
 )
+from samrl_core.diagnosis.report.seen_from import seen_from
 from samrl_core.diagnosis.result import Curve, Diagnosis, Heatmap, Overlay, Signature, Timeline
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -129,6 +130,7 @@ def _environment() -> Environment:
     return read_templates(
         [TEMPLATES],
         words=words,
+        seen_from=seen_from,
         timeline_limit=TIMELINES,
         clip=lambda fraction: min(max(fraction, 0.0), 1.0),
         source=sources_of(TEMPLATES),

@@ -7,6 +7,7 @@ from textwrap import wrap
 
 from samrl_core.diagnosis.effects import FAMILIES
 from samrl_core.diagnosis.report import words
+from samrl_core.diagnosis.report.seen_from import in_short
 from samrl_core.diagnosis.result import Diagnosis, HeldOutGap
 
 LINES = 10
@@ -27,10 +28,10 @@ def summary(diagnosis: Diagnosis, files: Sequence[str] = ()) -> list[str]:
     if d.ambiguity_set:
         lines.append(_line("could be", " or ".join(_candidate(d, name) for name in d.ambiguity_set[0])))
     lines += [_line("beside it", _candidate(d, e.name)) for e in words.beside(d)]
-    if d.verdict == "no_gap" and d.least_sizes:
-        lines.append(_line("seen from", f"{words.would_be_seen(d)} on, each alone; less is tolerance"))
     if d.gap is not None:
         lines.append(_line("how far", _how_far(d.gap)))
+    if d.verdict == "no_gap" and d.least_sizes:
+        lines.append(_line("seen from", f"{in_short(d)}, each alone; less passes"))
     if d.verdict in ("effect", "none_of_mine", "ambiguous"):
         left = words.percent(d.unexplained_fraction)
         best = {"effect": "the named", "ambiguous": "the candidate", "none_of_mine": "the best-fitting"}[

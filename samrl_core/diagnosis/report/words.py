@@ -134,29 +134,10 @@ def number(value: float | None) -> str:
     return "–" if value is None or not math.isfinite(value) else f"{value:.3g}"
 
 
-def least(ends: tuple[float, float], unit: str) -> str:
-    """A size down and up from which on an effect is seen: `± 0.0022 m`, `-0.41 or 0.68`; a dash if none."""
-    low, high = ends
-    unit = f" {symbol(unit)}".rstrip()
-    if not (math.isfinite(low) or math.isfinite(high)):
-        return "–"
-    if math.isclose(-low, high, rel_tol=0.02):
-        return f"± {high:.2g}{unit}"
-    return " or ".join(f"{end:.2g}" for end in ends if math.isfinite(end)) + unit
-
-
 def beside(d: Diagnosis) -> list[NamedEffect]:
     """Effects that are there whichever of the candidates is: each explains what none of those can."""
     open_ = {name for group in d.ambiguity_set for name in group}
     return [e for e in d.effects if open_ and e.role == "secondary" and e.name not in open_]
-
-
-def would_be_seen(d: Diagnosis) -> str:
-    """The least sizes in a row: the first parameter of each family that has one."""
-    seen = [s for s in d.least_sizes if any(map(math.isfinite, s.stated))]
-    firsts = {s.family: s for s in reversed(seen)}
-    shown = [s for s in seen if firsts[s.family] is s]
-    return ", ".join(f"{s.family} {s.parameter} {least(s.stated, s.unit)}" for s in shown)
 
 
 def symbol(unit: str) -> str:

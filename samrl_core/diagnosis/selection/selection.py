@@ -73,6 +73,7 @@ class Selection:
     contenders: tuple[Fit, ...] = ()  # further first effects, in the order in which they are tried
     again: Callable[[Fit], Selection] | None = None  # the set that grows from another first effect
     most: float = 0.0  # largest log evidence of any single effect, be it refused for the motion
+    pool: tuple[Hypothesis, ...] = ()  # every effect at every place, form and grid shape that can be seen
 
     @property
     def unexplained(self) -> float:
@@ -132,7 +133,7 @@ def select(
         excess, held_excess = likelihood.deficit(likelihood.y, k), held_out.deficit(held_out.y, k)
         return Selection(
             None, tuple(singles), (), least, excess, excess, held_excess, held_excess,
-            evidence.correlation_time,
+            evidence.correlation_time, pool=tuple(pool),
         )  # fmt: skip
     progress("weighing candidates")
     contenders = (
@@ -163,6 +164,7 @@ def select(
             contenders=others,
             again=grown,
             most=most,
+            pool=tuple(pool),
         )
 
     found = grown(firsts[0])

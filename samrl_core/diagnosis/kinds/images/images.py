@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from samrl_core.cell.types.image_recording import LEAST_FRAMES, ImageRecording
 from samrl_core.common.errors import InputError
-from samrl_core.diagnosis.effects import IMAGE_EFFECTS, Effect
+from samrl_core.diagnosis.effects import IMAGE_EFFECTS
 from samrl_core.diagnosis.export.recalibration import Recalibration
 from samrl_core.diagnosis.kinds.images.image_corrections import recalibration
 from samrl_core.diagnosis.kinds.images.image_suspects import image_suspicions
@@ -20,10 +20,9 @@ from samrl_core.diagnosis.residuals.images.image_trial import ImageTrial, prepar
 from samrl_core.diagnosis.residuals.images.least_deviations import least_deviations
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
-from samrl_core.diagnosis.result import LeastSize, NextExperiment
+from samrl_core.diagnosis.result import NextExperiment
 from samrl_core.diagnosis.selection.how_far import HowFar
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
-from samrl_core.diagnosis.selection.least_sizes import least_sizes
 from samrl_core.diagnosis.selection.whole_sizes import find_whole_sizes
 
 LEAST_ROWS = 40  # of depth, of a recording that tells of a camera
@@ -117,11 +116,6 @@ class Images(Kind[ImageRecording]):
             return None
         whole = find_whole_sizes(evidence, chosen)
         return recalibration(whole, [t for t in evidence.likelihood.trials if isinstance(t, ImageTrial)])
-
-    def least_sizes(
-        self, evidence: Evidence, effects: Sequence[Effect[Any]], threshold: float
-    ) -> list[LeastSize]:
-        return least_sizes(evidence, effects, threshold)
 
     def information(self, likelihood: Likelihood, fit: Fit) -> dict[str, dict[str, float]]:
         """Noise of tiles, with the object's pose, light and paint open."""

@@ -12,6 +12,7 @@ from samrl_core.model.rendering.topology import Topology
 
 # Units that files are written in, by the metres of one; the first that gives a credible size is suspected.
 _UNITS = {"millimetres": 1e-3, "centimetres": 1e-2, "inches": 0.0254}
+FARTHEST = 1e6  # [m] of a vertex from the origin: 1 km in millimetres read as metres; squares stay finite
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,8 @@ def mesh_faults(vertices: np.ndarray, faces: np.ndarray, part: np.ndarray | None
         part: (V,) integers, closed surfaces that only touch each other have different ones; None for one.
 
     Raises:
-        InputError: no faces or none with an area, a vertex that is not finite, an index out of range.
+        InputError: no faces or none with an area, a vertex that is not finite or farther than `FARTHEST`, an
+            index out of range.
     """
     vertices, faces = np.asarray(vertices, dtype=np.float64), np.asarray(faces)
     count = len(vertices)
@@ -57,6 +59,13 @@ def mesh_faults(vertices: np.ndarray, faces: np.ndarray, part: np.ndarray | None
         raise InputError(
             f"{int(broken.sum())} of {count} vertices are not finite (vertex {first} is {vertices[first]}), "
             "none may be; export the mesh again or delete them with their faces"
+        )
+    far = float(np.abs(vertices).max(initial=0.0))
+    if far > FARTHEST:
+        first = int(np.argmax(np.abs(vertices).max(axis=1)))
+        raise InputError(
+            f"vertex {first} lies {far:.3g} m from the origin, the limit is {FARTHEST:g} m: no unit makes that a"
+            " part of a cell; export the mesh again"
         )
     parts = np.zeros(count, dtype=np.int64) if part is None else part
     topology = Topology.build(vertices, faces, np.zeros(count, dtype=np.int32), parts)

@@ -62,6 +62,11 @@ def test_millimetres_read_as_metres_are_suspected(tmp_path: Path) -> None:
         ("torn.ply", b"ply\n", "cannot be read"),
         ("drawing.step", b"ISO-10303-21;", r"no mesh that can be read.*'stl'"),
         ("nan.obj", b"v 0 0 0\nv 1 0 nan\nv 0 1 0\nf 1 2 3\n", "1 of 3 vertices are not finite"),
+        (
+            "far.obj",
+            b"v 0 0 0\nv 1 0 1e300\nv 0 1 0\nf 1 2 3\n",
+            "vertex 1 lies 1e\\+300 m from the origin, the limit",
+        ),
         ("sheet.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "3 open edges"),
     ],
 )

@@ -64,8 +64,8 @@ def mesh_faults(vertices: np.ndarray, faces: np.ndarray, part: np.ndarray | None
     if far > FARTHEST:
         first = int(np.argmax(np.abs(vertices).max(axis=1)))
         raise InputError(
-            f"vertex {first} lies {far:.3g} m from the origin, the limit is {FARTHEST:g} m: no unit makes that a"
-            " part of a cell; export the mesh again"
+            f"vertex {first} lies {far:.3g} m from the origin, the limit is {FARTHEST:g} m: no unit"
+            " makes that a part of a cell; export the mesh again"
         )
     parts = np.zeros(count, dtype=np.int64) if part is None else part
     topology = Topology.build(vertices, faces, np.zeros(count, dtype=np.int32), parts)

@@ -15,6 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy import ndimage
 
 from samrl_core.cell.robots.joint_dynamics import joint_dynamics
 from samrl_core.cell.types.arm_description import HELD, ArmDescription
@@ -164,7 +165,7 @@ def form_equations(motion: RecordedMotion) -> Equations:
         level = np.hypot(share * np.hypot(noise.commanded_effort, noise.effort), np.hypot(rotor_noise, floor))
         level = np.hypot(level, friction)
         color["drive"] = _color(motion, rotor_noise, level)
-        sigma["drive"] = _rest_wider(_spread(level, residual["drive"]), motion, scale)
+        sigma["drive"] = _rest_wider(_spread(level, residual["drive"]), motion, scale, color["drive"])
     if tau is not None:
         residual["link"] = tau - model
         level = np.sqrt((share * noise.effort) ** 2 + link_noise**2 + floor**2)
@@ -177,7 +178,8 @@ def form_equations(motion: RecordedMotion) -> Equations:
         moved = np.hypot(moved, _noise_of_speed(motion))
         level = np.sqrt((share * noise.commanded_effort) ** 2 + moved**2 + floor**2 + friction**2)
         color["dynamics"] = _color(motion, moved, level)
-        sigma["dynamics"] = _rest_wider(_spread(level, residual["dynamics"]), motion, scale)
+        spread = _spread(level, residual["dynamics"])
+        sigma["dynamics"] = _rest_wider(spread, motion, scale, color["dynamics"])
         sigma["dynamics"] = _unknown_wider(sigma["dynamics"], motion, rigid)
         if motion.computed:
             sigma["dynamics"] = _past_wider(widen_at_edges(sigma["dynamics"], motion), motion, scale)
@@ -366,7 +368,9 @@ def _spread(level: np.ndarray, residual: np.ndarray) -> np.ndarray:
     return np.broadcast_to(np.hypot(level, RELATIVE_FLOOR * typical), residual.shape).copy()
 
 
-def _rest_wider(sigma: np.ndarray, motion: RecordedMotion, scale: np.ndarray) -> np.ndarray:
+def _rest_wider(
+    sigma: np.ndarray, motion: RecordedMotion, scale: np.ndarray, color: NoiseColor
+) -> np.ndarray:
     """Friction at rest is anything between its bounds: such samples say little about the drive.
 
     Nor do those at which torque was switched: within a sample nobody knows when.
@@ -376,10 +380,16 @@ def _rest_wider(sigma: np.ndarray, motion: RecordedMotion, scale: np.ndarray) ->
     recorded = motion.raw_velocity is not None
     noise = motion.band_share * motion.noise.velocity**2 if recorded else motion.velocity_noise()
     slow = np.hypot(REST_SPEED, 2.0 * np.sqrt(noise))
-    resting = np.exp(-((speed / slow) ** 2))
-    # Stated friction holds from one bound to the other, where its formula turns.
-    held = np.hypot(REST_SHARE * scale, 2.0 * joint_dynamics(motion.recording.arm).friction)
-    sigma = np.hypot(sigma, held * np.clip(motion.reduce(resting), 0.0, 1.0))
+    resting = motion.reduce(np.exp(-((speed / slow) ** 2)))
+    # Nor than its own filter leaves of a stop: that cuts off what does not stand out of noise.
+    missed = np.abs(motion.dq - motion.reduce(speed))
+    near = 1 + 2 * round(0.5 / (motion.band * motion.dt))
+    unsure = np.hypot(slow, 2.0 * ndimage.maximum_filter1d(missed, near, axis=0))
+    resting = np.maximum(resting, np.exp(-((motion.dq / unsure) ** 2)))
+    # Stated friction holds from one bound to the other, where its formula turns. It is slow: a filter that
+    # makes the noise of accelerations white would raise it above what is allowed here.
+    held = np.hypot(REST_SHARE * scale, 2.0 * joint_dynamics(motion.recording.arm).friction) * color.raised
+    sigma = np.hypot(sigma, held * np.clip(resting, 0.0, 1.0))
     switched = np.abs(np.diff(motion.enabled, axis=0, prepend=motion.enabled[:1]))
     if not np.any(switched):
         return sigma

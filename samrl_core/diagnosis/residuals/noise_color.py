@@ -48,6 +48,13 @@ class NoiseColor:
         inside = np.clip(frequency, min(CORNER_HZ, self.band), self.band) / self.band
         return (1.0 - share) + share * (self.order + 1) * inside**self.order
 
+    @property
+    def raised(self) -> np.ndarray:
+        """Factor (J,) by which the whitening filter raises what is slow."""
+        joints = range(len(self.rising))
+        slow = [float(self.density(np.zeros(1), j)[0]) for j in joints]
+        return np.where(self.rising < LEAST_RISING, 1.0, 1.0 / np.sqrt(slow))
+
     def _filtered(self, rows: np.ndarray, joint: int, power: float) -> np.ndarray:
         if self.rising[joint] < LEAST_RISING:
             return rows

@@ -90,8 +90,9 @@ def refuse_questions(draft: Draft, paths: Sequence[Path], options: str = "") -> 
 def data_folder(draft: Draft, path: Path) -> Path:
     """Folder from which a draft's files count."""
     files = [source.get("file") for source in draft.sources.values()]
-    apart = is_folder(path) and not is_bag(path) and not all(file == path.name for file in files)
-    return path if apart else path.parent
+    if is_folder(path) and not is_bag(path) and not all(file == path.name for file in files):
+        return path
+    return path.parent.parent if any(str(file).startswith("{name}/") for file in files) else path.parent
 
 
 def _imported(paths: Sequence[Path]) -> tuple[str, list[Any], list[str]] | None:

@@ -23,7 +23,7 @@ from samrl_core.diagnosis.nominal_model.read_model import read_model
 from samrl_core.diagnosis.recordings import check_recording
 from samrl_ros.log_import.formulas import evaluate
 from samrl_ros.log_import.mapping import Mapping
-from samrl_ros.log_import.resampling import even, find_gaps, low_pass, resample
+from samrl_ros.log_import.resampling import are_between, even, find_gaps, low_pass, resample
 from samrl_ros.log_import.sources import SourceData, read_source, update_digest
 from samrl_ros.log_import.specs import QuantitySpec, RecordingSpec
 from samrl_ros.log_import.units import DEFAULT_UNIT, SI, drive_factor, factor
@@ -61,15 +61,14 @@ def import_recording(spec: RecordingSpec, mapping: Mapping, data: Path) -> Impor
         name: _constant(value, f"{spec.path}.constants.{name}") for name, value in spec.constants.items()
     }
     cache: dict[str, SourceData] = {}
-    for source in map(spec.source_of, spec.channels.values()):
+    for source in (name for channel in spec.channels.values() for name in spec.sources_of(channel)):
         if source not in cache:
             cache[source] = read_source(spec, source, constants, data, notes)
     zero = float(cache[spec.source_of(spec.channels["states"])].time[0])
     arm = _arm(spec, constants, mapping.path, data, notes)
     law = None if arm.controller is None else arm.controller.law
     signals = {
-        name: _signal(name, spec, cache[spec.source_of(channel)], zero, law, report, notes)
-        for name, channel in spec.channels.items()
+        name: _signal(name, spec, cache, zero, law, report, notes) for name in spec.channels
     }
     digest = hashlib.sha256(mapping.text.encode() + spec.name.encode())
     for source in cache.values():
@@ -115,22 +114,23 @@ def _constant(value: Any, where: str) -> Any:
 def _signal(
     name: str,
     spec: RecordingSpec,
-    source: SourceData,
+    sources: dict[str, SourceData],
     zero: float,
     law: DriveLaw | None,
     report: list[str],
     notes: list[str],
 ) -> JointSignal:
     channel, where = spec.channels[name], f"{spec.path}.channels.{name}"
-    plan = channel.resample or spec.resample
-    time, count, joints = source.time, len(source.time), len(spec.joints)
+    plan, joints = channel.resample or spec.resample, len(spec.joints)
+    time = sources[spec.source_of(channel)].time
+    known = np.ones(len(time), dtype=bool)  # where every quantity is
     values: dict[str, np.ndarray] = {}
     for quantity, one in channel.quantities.items():
-        path = f"{where}.{quantity}"
+        path, own = f"{where}.{quantity}", sources[one.source or spec.source_of(channel)]
         if one.derivative:
             values[quantity] = np.gradient(values["position"], time, axis=0)
         else:
-            values[quantity] = _block(one, source.values, (count, joints), path) * factor(
+            values[quantity] = _block(one, own.values, (len(own.time), joints), path) * factor(
                 quantity, one.unit, path
             )
             if quantity == "effort":
@@ -140,14 +140,22 @@ def _signal(
             row, column = np.argwhere(bad)[0]
             raise InputError(
                 f"{path}: {bad.sum()} numbers are not finite, first {spec.joints[column]} at"
-                f" {time[row] - zero:.4f} s; set what to do with empty cells by `missing` of the source"
+                f" {own.time[row] - zero:.4f} s; set what to do with empty cells by `missing` of the source"
             )
         if one.filter is not None:
-            grid, on_grid, uneven = even(time, values[quantity])
+            grid, on_grid, uneven = even(own.time, values[quantity])
             smooth = low_pass(grid, on_grid, one.filter, f"{path}.filter")
             values[quantity] = (
-                np.column_stack([np.interp(time, grid, c) for c in smooth.T]) if uneven else smooth
+                np.column_stack([np.interp(own.time, grid, c) for c in smooth.T]) if uneven else smooth
             )
+        if own.time is not time:
+            values[quantity] = np.column_stack([np.interp(time, own.time, c) for c in values[quantity].T])
+            known &= are_between(time, own.time)
+    if not known.all():
+        notes.append(f"{name}: {(~known).sum()} samples at which a quantity of another source is unknown")
+        if known.sum() < 2:
+            raise InputError(f"{where}: its sources have {known.sum()} moments in common; they share one clock")
+        time, values = time[known], {quantity: block[known] for quantity, block in values.items()}
     raw_rate = 1.0 / float(np.median(np.diff(time)))
     if (plan.rate_hz is not None or plan.filter is not None) and (gaps := find_gaps(time)).any():
         notes.append(

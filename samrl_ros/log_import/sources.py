@@ -15,7 +15,7 @@ from samrl_core.common.files import is_file, is_folder
 from samrl_ros.log_import.formats.depth_images import read_depth_images
 from samrl_ros.log_import.formats.views import files_of_views, is_of_views
 from samrl_ros.log_import.formulas import evaluate, names_in
-from samrl_ros.log_import.specs import ColumnSpec, LoggedSpec, Missing, TimeSpec
+from samrl_ros.log_import.specs import ColumnSpec, LoggedSpec, Missing, TimeSpec, source_of_quantity
 from samrl_ros.log_import.table import Table
 from samrl_ros.log_import.tables import read_table
 from samrl_ros.log_import.units import factor
@@ -126,8 +126,8 @@ def _used(spec: LoggedSpec, name: str, constants: dict[str, Any]) -> set[str]:
         wanted.update(names)
 
     for reader_key, reader in spec.readers().items():
-        if spec.source_of(reader) == name:
-            for quantity_name, quantity in reader.quantities.items():
+        for quantity_name, quantity in reader.quantities.items():
+            if (source_of_quantity(quantity) or spec.source_of(reader)) == name:
                 for formula in quantity.formulas:
                     want(formula, f"{spec.path}.{reader_key}.{quantity_name}")
     for key, formula in reversed(source.values.items()):

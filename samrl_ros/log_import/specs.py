@@ -174,6 +174,7 @@ class QuantitySpec(Checked):
 
     formula: Formula
     unit: str | None = None  # None: SI
+    source: str | None = None  # None: the channel's; of another it is taken at the channel's times
     filter: Filter | None = None
 
     @property
@@ -235,6 +236,11 @@ class Reader(Protocol):
         ...
 
 
+def source_of_quantity(quantity: Formulas) -> str | None:
+    """The source that a quantity names for itself; None: what its channel reads."""
+    return getattr(quantity, "source", None)
+
+
 class LoggedSpec(Checked):
     """What a recording of any kind states of its logs, general keys and its own merged."""
 
@@ -276,6 +282,11 @@ class LoggedSpec(Checked):
         """The source that its formulas read."""
         return reader.source or next(iter(self.sources))
 
+    def sources_of(self, reader: Reader) -> list[str]:
+        """That, and those that quantities of it name for themselves."""
+        own = [source_of_quantity(quantity) for quantity in reader.quantities.values()]
+        return list(dict.fromkeys([self.source_of(reader), *filter(None, own)]))
+
     @model_validator(mode="after")
     def _sources_fit(self) -> Self:
         for key, named in (("files", self.files), ("parts", self.parts)):
@@ -285,7 +296,12 @@ class LoggedSpec(Checked):
             if (reader.source or len(self.sources) > 1) and reader.source not in self.sources:
                 known = sorted(self.sources)
                 raise fault(f" is {reader.source!r}; sources are {known}", *path.split("."), "source")
-        for name in dict.fromkeys(map(self.source_of, self.readers().values())):
+            for key, quantity in reader.quantities.items():
+                if (own := source_of_quantity(quantity)) is not None and own not in self.sources:
+                    known = sorted(self.sources)
+                    raise fault(f" is {own!r}; sources are {known}", *path.split("."), key, "source")
+        used = [name for reader in self.readers().values() for name in self.sources_of(reader)]
+        for name in dict.fromkeys(used):
             count = len(self.files_of(name))
             if not count:
                 raise fault(" is missing; name a path or a list of paths", "sources", name, "file")

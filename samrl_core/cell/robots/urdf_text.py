@@ -13,6 +13,7 @@ DEEPEST = 64  # levels of elements; a URDF needs seven
 MOST_KG = 1e6  # of a link
 MOST_INERTIA = 1e9  # of a link, any entry [kg m2]
 MOST_LENGTH = 1e6  # of an offset [m], or a joint's limit [m or rad]
+_WORLD = "world"
 _MOVING = ("revolute", "continuous", "prismatic", "planar")
 _LIMITS = {"lower": MOST_LENGTH, "upper": MOST_LENGTH, "effort": 1e12, "velocity": 1e12}
 
@@ -53,6 +54,32 @@ def parse_urdf(text: str, where: str) -> ElementTree.Element:
     for joint in root.findall("joint"):
         _check_joint(joint, f"{where}: joint '{joint.get('name')}'")
     return root
+
+
+def with_world(text: str) -> str:
+    """A URDF whose joints may hang on `world` without a link of that name, as Drake reads it, with that link.
+
+    Raises:
+        InputError: a joint that hangs on any other link that the URDF does not have, or as `parse_urdf`.
+    """
+    root = parse_urdf(text, "the URDF")
+    links = {link.get("name") for link in root.findall("link")}
+    missing = {
+        (joint.get("name"), end.get("link"))
+        for joint in root.findall("joint")
+        for end in (*joint.findall("parent"), *joint.findall("child"))
+        if end.get("link") not in links
+    }
+    for joint, link in sorted(missing, key=str):
+        if link != _WORLD:
+            raise InputError(
+                f"the URDF's joint {joint!r} hangs on link {link!r}, which it does not have; add"
+                f' <link name="{link}"/>, or take the joint out'
+            )
+    if not missing:
+        return text
+    root.insert(0, ElementTree.Element("link", name=_WORLD))
+    return ElementTree.tostring(root, encoding="unicode")
 
 
 def _check_names(names: list[str | None], kind: str, where: str) -> None:

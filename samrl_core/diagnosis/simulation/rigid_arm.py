@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from samrl_core.cell.robots.urdf_text import parse_urdf
+from samrl_core.cell.robots.urdf_text import parse_urdf, with_world
 from samrl_core.cell.types.arm_description import STANDARD_GRAVITY, ArmDescription, NominalTool
 from samrl_core.common.errors import InputError
 
@@ -27,8 +27,9 @@ class RigidArm:
         if arm.urdf is None:
             raise InputError(f"{arm.role} has no URDF; inverse dynamics needs one")
         parse_urdf(arm.urdf, f"the URDF of {arm.role}")
+        text = with_world(arm.urdf)
         try:
-            whole = pin.buildModelFromXML(arm.urdf)
+            whole = pin.buildModelFromXML(text)
         except (ValueError, RuntimeError, IndexError) as error:
             raise InputError(f"the URDF of {arm.role} cannot be read: {error}") from error
         moving = [name for name in whole.names if name != "universe"]

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from os.path import commonprefix
 from typing import Any
 
 import numpy as np
 
 from samrl_ros.log_import.draft import evidence
-from samrl_ros.log_import.draft.column_names import words_in
+from samrl_ros.log_import.draft.column_names import QUANTITIES, words_in
 from samrl_ros.log_import.draft.guess import Draft, Effort
 from samrl_ros.log_import.draft.joints.arm_messages import ARM_MESSAGES, is_libfranka
 from samrl_ros.log_import.draft.joints.named_sources import NamedBlock, add_source, name_of, quantity_of
@@ -16,6 +17,7 @@ from samrl_ros.log_import.draft.joints.named_sources import NamedBlock, add_sour
 # Arms with torque sensors behind the gears, by how their makers' packages name the joints.
 _LINK_SENSORS = ("panda_joint", "fr3_joint", "fer_joint", "iiwa_joint", "lbr_", "lbr_iiwa", "rizon", "gen3_")
 _OF_DRIVES = frozenset("motor motors drive drives actuator actuators".split())
+_TORQUES = frozenset(QUANTITIES["effort"].split())
 _RTDE_MODEL = "target_moment_{}"
 _FOLLOWS = 0.8  # correlation from which a block is taken as what the arm followed
 _MOVES_WITH = 0.98  # correlation from which a block of an unknown name is taken as the command, and asked for
@@ -40,6 +42,21 @@ def _beside(
         and set(order) <= set(c.block.labels)
     ]
     return sorted(there, key=lambda c: c.meaning.measured != position.meaning.measured)
+
+
+def _elsewhere(found: list[NamedBlock], position: NamedBlock, order: list[str]) -> list[NamedBlock]:
+    """Measured torques of these joints in other topics or files, those named as the position's first."""
+    there = [
+        c
+        for c in found
+        if c.part is not position.part
+        and c.meaning.quantity == "effort"
+        and not c.meaning.commanded
+        and not c.meaning.computed
+        and set(order) <= set(c.block.labels)
+    ]
+    place = position.part.part or position.part.path.stem
+    return sorted(there, key=lambda c: -len(commonprefix([place, c.part.part or c.part.path.stem])))
 
 
 def add_velocity(
@@ -179,15 +196,19 @@ def add_effort(
         draft.channels["commanded_effort"] = {"source": "states", "effort": [0.0] * len(order)}
         return []
     currents = [c for c in found if c.meaning.quantity in ("current", "voltage")]
-    measured = _beside(found, position, order, "effort")
+    measured = _beside(found, position, order, "effort") or _elsewhere(found, position, order)
     if not measured and effort is not Effort.none:
         inputs = [c for q in ("voltage", "current") for c in _beside(found, position, order, q)]
         inputs += [c for c in currents if c.meaning.commanded and set(order) <= set(c.block.labels)]
         if inputs and "command" not in draft.channels:
             return add_motor_input(inputs[0], position, order, draft)
     for each in currents:
+        of_torque = _TORQUES & set(words_in(each.block.stem))
         draft.unused.append(
-            f"{name_of(each)}: multiply by torque constant and gear ratio, then use it as effort"
+            f"{name_of(each)}: if this is a torque worked out of the current, in N m at the joints, it is the"
+            " drive's: use it as commanded_effort as it is"
+            if of_torque
+            else f"{name_of(each)}: multiply by torque constant and gear ratio, then use it as effort"
         )
     behind = measured and _measure_behind_gears(measured[0], draft)
     link = effort is Effort.link or (effort is Effort.ask and bool(behind))
@@ -204,8 +225,14 @@ def add_effort(
     best = measured[0]
     unit, is_told = _torque_unit(best)
     unit_question = "" if is_told else f"is {name_of(best)} in N m?"
-    quantity = quantity_of(best, order, unit, draft, "states")
+    source = "states"
+    if best.part is not position.part:
+        source = "effort"
+        add_source(best.part, source, draft)
+    quantity = quantity_of(best, order, unit, draft, source)
     if link:
+        if source != "states":
+            quantity["source"] = source
         reason = "as stated" if effort is Effort.link else "these arms measure torque behind the gears"
         draft.note("channels.states.effort", f"{name_of(best)}: {reason}", unit_question, "torque_unit")
         draft.channels["states"]["effort"] = quantity
@@ -219,7 +246,7 @@ def add_effort(
         )
     asks = "" if effort is Effort.ask else "torque_unit"
     draft.note("channels.commanded_effort.effort", f"{name_of(best)}: the name says effort", question, asks)
-    draft.channels["commanded_effort"] = {"source": "states", "effort": quantity}
+    draft.channels["commanded_effort"] = {"source": source, "effort": quantity}
     return [best, *currents]
 
 

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from samrl_core.common.errors import InputError
-from samrl_core.common.files import is_folder
 from samrl_ros.log_import.draft.blocks import LogBlock, LogPart, read_parts
 from samrl_ros.log_import.draft.column_names import NameMeaning, meaning, words_in
 from samrl_ros.log_import.draft.guess import Draft, Effort
@@ -20,13 +19,13 @@ from samrl_ros.log_import.draft.joints.arm_messages import ARM_MESSAGES, is_libf
 from samrl_ros.log_import.draft.joints.channels import add_command, add_effort, add_velocity
 from samrl_ros.log_import.draft.joints.named_blocks import nothing_measured, without_tool
 from samrl_ros.log_import.draft.joints.named_sources import NamedBlock, add_source, name_of, quantity_of
+from samrl_ros.log_import.draft.joints.run_files import files_in, recordings_of, runs_alike
 from samrl_ros.log_import.draft.joints.speed_alone import integrate_speeds
 from samrl_ros.log_import.draft.joints.told_by_model import is_without_gravity, settle_by_model, told_by_model
 from samrl_ros.log_import.draft.joints.torque_switch import add_torque_switch
 from samrl_ros.log_import.draft.joints.whole_turns import take_turns_out, take_turns_out_beside, turn_of
 from samrl_ros.log_import.formats.parquet import episodes, is_lerobot
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics, read_text_topic
-from samrl_ros.log_import.tables import RARELY_LOGS, SUFFIXES
 from samrl_ros.recordings.read import chained_joints, moving_joints
 
 _MOST_EPISODES = 20  # of a dataset, that become recordings
@@ -42,7 +41,7 @@ def draft_mapping(
 
     Args:
         paths: files of one recording, or one folder with them; files with the same columns are recordings of
-            one machine, one after another.
+            one machine, one after another, be it in one folder or under one name in a folder each.
         urdf: text of the robot's description, if there is one; else a bag's own is looked for.
         urdf_file: where it lies, as the mapping is to name it.
         effort: what measured efforts are: of a link-side sensor, at the drive's output side before friction,
@@ -51,7 +50,7 @@ def draft_mapping(
     Raises:
         InputError: a log that cannot be read, or in which no position was found.
     """
-    files = [file for path in paths for file in _files(path)]
+    files = [file for path in paths for file in files_in(path)]
     searched = len(files) > len(paths)  # a folder: what else lies there is no fault
     draft = Draft(about="Drafted by samrl bag draft. Every entry has its reason beside it; check them.")
     if urdf is None:
@@ -68,9 +67,9 @@ def draft_mapping(
             if not searched:
                 raise
             draft.unused.append(f"{file.name}: {error}")
-    runs = _runs(parts)
+    runs = runs_alike(parts)
     if runs:
-        parts = [part for part in parts if part.path == runs[0]]
+        parts = [part for part in parts if part.path == runs[0].path]
     several = len({part.path for part in parts}) > 1
     found = [
         NamedBlock(part, block, _meaning(part, block, several)) for part in parts for block in part.blocks
@@ -79,7 +78,7 @@ def draft_mapping(
     position = _measured_position(found, joints, draft)
     order = _joints(position, joints, urdf, draft)
     found = [_label_by_name(each, order) for each in found]
-    draft.recordings += _recordings_of_runs(runs, draft) if runs else _recordings(files)
+    draft.recordings += recordings_of(runs, draft) if runs else _recordings(files)
     alone = position.meaning.quantity == "velocity"
     unit = "" if alone else _position_unit(position, draft)
     time, turn = add_source(position.part, "states", draft), 0.0
@@ -115,7 +114,7 @@ def draft_mapping(
             draft.unused.append(name)
     if runs:
         for source in draft.sources.values():
-            source["file"] = f"{{name}}{runs[0].suffix}"
+            source["file"] = runs[0].pattern
     return draft
 
 
@@ -185,30 +184,6 @@ def _label_by_name(each: NamedBlock, order: Sequence[str]) -> NamedBlock:
     return replace(each, block=replace(each.block, labels=named))
 
 
-def _runs(parts: Sequence[LogPart]) -> list[Path]:
-    """Files of one kind and folder that hold the same columns, if that is all there is; else none."""
-    paths = list(dict.fromkeys(part.path for part in parts))
-    alike = {
-        (
-            part.path.parent,
-            part.path.suffix,
-            part.part,
-            part.times,
-            *((b.stem, b.columns) for b in part.blocks),
-        )
-        for part in parts
-    }
-    if len(paths) < 2 or len(paths) != len(parts) or len(alike) > 1 or parts[0].ros:
-        return []
-    return paths
-
-
-def _recordings_of_runs(runs: Sequence[Path], draft: Draft) -> list[dict[str, Any]]:
-    """One for each file; the last is held out."""
-    draft.note("recordings", "files with the same columns: one machine's; the last by name is held out")
-    return [{"name": path.stem, "role": "held_out" if path is runs[-1] else "fit"} for path in runs]
-
-
 def _recordings(files: list[Path]) -> list[dict[str, Any]]:
     """One; of a LeRobot dataset one per episode, of which the last is held out."""
     if len(files) == 1 and is_lerobot(files[0]):
@@ -220,15 +195,6 @@ def _recordings(files: list[Path]) -> list[dict[str, Any]]:
         ]
     name = files[0].stem if len(files) == 1 else files[0].parent.name
     return [{"name": name or "log", "role": "fit"}]
-
-
-def _files(path: Path) -> list[Path]:
-    if is_bag(path) or is_lerobot(path) or not is_folder(path):
-        return [path]
-    inside = sorted(file for file in path.iterdir() if file.suffix.lower() in SUFFIXES)
-    if not inside:
-        raise InputError(f"{path} holds no log: no bag, no LeRobot dataset, no {', '.join(SUFFIXES)}")
-    return [file for file in inside if file.suffix.lower() not in RARELY_LOGS] or inside
 
 
 def _described(files: list[Path], draft: Draft) -> str | None:

@@ -1,0 +1,75 @@
+"""Which files of a log are recordings of one machine: alike in a folder, or of one name in a folder each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from samrl_core.common.errors import InputError
+from samrl_core.common.files import is_folder
+from samrl_ros.log_import.draft.blocks import LogPart
+from samrl_ros.log_import.draft.guess import Draft
+from samrl_ros.log_import.formats.parquet import is_lerobot
+from samrl_ros.log_import.formats.rosbag import is_bag
+from samrl_ros.log_import.tables import RARELY_LOGS, SUFFIXES
+
+
+@dataclass(frozen=True)
+class RunFile:
+    """A recording's file, and how a mapping names it."""
+
+    path: Path
+    name: str  # of the recording
+    pattern: str  # of all such files, with {name}
+
+
+def files_in(path: Path) -> list[Path]:
+    """A log's files: itself, or what lies in a folder, or else one of the same name in each folder there.
+
+    Raises:
+        InputError: a folder without any.
+    """
+    if is_bag(path) or is_lerobot(path) or not is_folder(path):
+        return [path]
+    if inside := _logs_in(path):
+        return inside
+    below = [_logs_in(folder) for folder in sorted(path.iterdir()) if is_folder(folder)]
+    each = [files[0] for files in below if len(files) == 1]
+    if len(each) > 1 and len({file.name for file in each}) == 1:
+        return each
+    raise InputError(f"{path} holds no log: no bag, no LeRobot dataset, no {', '.join(SUFFIXES)}")
+
+
+def _logs_in(folder: Path) -> list[Path]:
+    inside = sorted(file for file in folder.iterdir() if file.suffix.lower() in SUFFIXES)
+    return [file for file in inside if file.suffix.lower() not in RARELY_LOGS] or inside
+
+
+def runs_alike(parts: Sequence[LogPart]) -> list[RunFile]:
+    """Files that hold the same columns, if that is all there is; else none.
+
+    They are of one kind and folder, or have one name in folders beside each other, after which they are
+    called then.
+    """
+    paths = list(dict.fromkeys(part.path for part in parts))
+    alike = {
+        (part.path.suffix, part.part, part.times, *((b.stem, b.columns) for b in part.blocks))
+        for part in parts
+    }
+    if len(paths) < 2 or len(paths) != len(parts) or len(alike) > 1 or parts[0].ros:
+        return []
+    if len({path.parent for path in paths}) == 1:
+        return [RunFile(path, path.stem, f"{{name}}{path.suffix}") for path in paths]
+    together = len({path.name for path in paths}) == len({path.parent.parent for path in paths}) == 1
+    if together and len({path.parent for path in paths}) == len(paths):
+        return [RunFile(path, path.parent.name, f"{{name}}/{path.name}") for path in paths]
+    return []
+
+
+def recordings_of(runs: Sequence[RunFile], draft: Draft) -> list[dict[str, Any]]:
+    """One for each file; the last is held out."""
+    named = "folder" if "/" in runs[0].pattern else "name"
+    draft.note("recordings", f"files with the same columns: one machine's; the last by {named} is held out")
+    return [{"name": run.name, "role": "held_out" if run is runs[-1] else "fit"} for run in runs]

@@ -23,7 +23,7 @@ from samrl_ros.log_import.formats.transform_tree import KINDS
 from samrl_ros.log_import.imported_files import INDEX
 from samrl_ros.log_import.pose_importer import poses_of
 from samrl_ros.log_import.reading_importer import readings_of
-from samrl_ros.log_import.tables import SUFFIXES
+from samrl_ros.log_import.tables import SUFFIXES, is_text_table
 from samrl_ros.recordings import body_file, pose_file, reading_file
 from samrl_ros.recordings.read import has_arms
 
@@ -120,7 +120,7 @@ def _may_hold_devices(path: Path) -> bool:
     if is_folder(path):
         names = [file.name for file in path.iterdir()]
         return INDEX not in names and not any(name.endswith((*_IMPORTED, ".mcap")) for name in names)
-    return path.suffix.lower() in SUFFIXES
+    return path.suffix.lower() in SUFFIXES or is_text_table(path)
 
 
 def _is_own(path: Path) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +27,8 @@ from samrl_ros.log_import.table import Table
 
 TEXT_SUFFIXES = (".csv", ".tsv", ".txt")
 # What readers raise at files that they cannot read; scipy and pandas call some kinds "not implemented".
+_NUMBERS = re.compile(r"(?<![\w.])[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?(?![\w.])")
+_WORDS = re.compile(r"[A-Za-z]{3,}(?<!nan)(?<!NaN)(?<!inf)(?<!Inf)")
 _UNREADABLE = (*UNREADABLE, pd.errors.ParserWarning, pd.errors.ParserError, NotImplementedError)
 
 
@@ -55,6 +58,24 @@ FORMATS = (
 SUFFIXES = tuple(suffix for each in FORMATS for suffix in each.suffixes)
 # Beside other logs these are settings, notes and weights; they are logs where they are named, or alone.
 RARELY_LOGS = (".yaml", ".yml", ".pt", ".pth")
+_HEAD = 1 << 13  # bytes of a file of an unknown kind that are looked at
+_OTHERS = (".urdf", ".xacro", ".xml", ".md", ".py", ".m", ".html", ".svg")  # texts that hold no table
+
+
+def is_text_table(path: Path) -> bool:
+    """Whether a file is a table in text, by its suffix, or by its first lines where that is unknown: .dat, .t."""
+    suffix = path.suffix.lower()
+    if suffix in TEXT_SUFFIXES or suffix in SUFFIXES or suffix in _OTHERS or is_bag(path):
+        return suffix in TEXT_SUFFIXES
+    if not is_file(path):
+        return False
+    with path.open("rb") as file:
+        head = file.read(_HEAD)
+    if b"\0" in head:
+        return False
+    lines = [line for line in head.decode("latin-1").splitlines()[:-1] if line.strip()]
+    rows = [line for line in lines if len(_NUMBERS.findall(line)) > 1 and not _WORDS.search(line)]
+    return len(rows) > 2 and 2 * len(rows) > len(lines)
 
 
 def read_table(path: Path, options: CsvOptions, where: str, part: str = "") -> Table:
@@ -87,9 +108,12 @@ def read_table(path: Path, options: CsvOptions, where: str, part: str = "") -> T
         raise InputError(f"{where}: no file {path}; --data names the folder that paths count from")
     suffix = path.suffix.lower()
     found = next((each for each in FORMATS if suffix in each.suffixes), None)
+    if found is None and is_text_table(path):
+        found = FORMATS[0]
     if found is None:
         raise InputError(
-            f"{where}: {path.name} is of unknown kind; use {', '.join(SUFFIXES)}, a bag or a LeRobot dataset"
+            f"{where}: {path.name} is of unknown kind; use {', '.join(SUFFIXES)}, a table in text of any other"
+            " name, a bag or a LeRobot dataset"
         )
     if part and not found.parts:
         raise InputError(f"{where}: a {suffix} file has no parts, so no {part!r}; leave `part` out")

@@ -38,6 +38,7 @@ _KNOWN_PACKAGES = frozenset(
     " visualization_msgs".split()
 )
 _LEAST = 50  # rows of a table that is looked at
+_ACROSS = 4  # numbers of a row for each row, beyond which the rows are signals
 _STAMPS = ("log_time", "header.stamp", "header.seq")  # of a bag's messages; their table has a time
 
 
@@ -115,6 +116,12 @@ def _nothing_found(parts: Sequence[LogPart]) -> str:
     names = sorted({name for each in parts for name in each.table.columns})
     rows = max((len(each.table.columns[name]) for each in parts for name in each.table.columns), default=0)
     unnamed = bool(names) and all(name.isdecimal() for name in names)
+    if unnamed and rows < _LEAST and len(names) > _ACROSS * rows:
+        return (
+            f"holds {rows} rows of {len(names)} numbers: a signal in each row, as it seems. Turn it over, so that"
+            f" each row is a moment (numpy.savetxt('turned.txt', numpy.loadtxt(...).T)), and name its {rows}"
+            " columns in a first line, such as time,q1,q2,tau1,tau2"
+        )
     why = f"no columns of numbers with {_LEAST} rows" if rows >= _LEAST else (
         f"{rows} rows: joints need {_LEAST}, and neither two poses (a target's and a flange's), nor a body's"
         " track, nor readings beside a reference were found"
@@ -145,7 +152,7 @@ def _part(path: Path, part: str, kind: str, joints: Sequence[str]) -> LogPart:
     table = read_table(path, options, "the log", part)
     arrays = {name: values for name in table.columns if (values := numbers_of(table, name)) is not None}
     long = {name: values for name, values in arrays.items() if len(values) >= _LEAST}
-    flat = [name for name, values in long.items() if values.ndim == 1]
+    flat = [name for name, values in long.items() if values.ndim == 1 and not _counts(name, values)]
     times = tuple(name for name in flat if is_time(name) and name not in _STAMPS)
     dates = tuple(name for name in table.columns if name not in arrays and is_time(name))
     blocks = []
@@ -171,6 +178,11 @@ def _block(
 ) -> LogBlock:
     rows = np.asarray(np.isfinite(values).all(axis=1))
     return LogBlock(part, stem, labels, columns, values[rows], rows)
+
+
+def _counts(name: str, values: np.ndarray) -> bool:
+    """Whether a column that is not called a time is the number of its row."""
+    return not is_time(name) and bool((np.diff(values) == 1.0).all())
 
 
 def _is_index(stem: str) -> bool:

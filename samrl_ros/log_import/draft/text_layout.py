@@ -17,7 +17,7 @@ from samrl_core.common.errors import InputError
 from samrl_ros.log_import.formats.encoding import decoded_text
 from samrl_ros.log_import.formats.motion_capture import read_motion_capture
 from samrl_ros.log_import.specs import CsvOptions
-from samrl_ros.log_import.tables import TEXT_SUFFIXES
+from samrl_ros.log_import.tables import is_text_table
 
 _HEAD = 60  # lines that are looked at
 _COMMENTS = ("#", "%", "//")
@@ -34,7 +34,7 @@ def text_options(path: Path) -> CsvOptions:
     Raises:
         InputError: the file cannot be read, or its line of names does not fit its rows.
     """
-    if path.suffix.lower() not in TEXT_SUFFIXES:
+    if not is_text_table(path):
         return CsvOptions()
     try:
         stream = io.StringIO(decoded_text(path), newline="")
@@ -92,7 +92,10 @@ def _options(lines: Sequence[str], tab: bool) -> CsvOptions | None:
             names = named
             break
     own = [line for line in lines[begin:] if _is_data(line, delimiter, decimal, width)]
-    again = [] if names or not above else _mended_names(lines[above[-1]], own, delimiter, width)
+    again = [] if names or not above else (
+        _names_of_pairs([lines[k] for k in above[-2:]], delimiter, width)
+        or _mended_names(lines[above[-1]], own, delimiter, width)
+    )  # fmt: skip
     plain = delimiter == ("\t" if tab else ",") and decimal == "."
     how: dict[str, Any] = {"delimiter": "," if tab and delimiter == "\t" else delimiter, "decimal": decimal}
     if comment:
@@ -147,6 +150,17 @@ def _takes_turns(cells: Sequence[str]) -> bool:
     """Whether every other cell is a name, and every other one a number."""
     words = all(cell and not _NUMBER.fullmatch(cell) for cell in cells[::2])
     return len(cells) % 2 == 0 and words and all(_NUMBER.fullmatch(cell) for cell in cells[1::2])
+
+
+def _names_of_pairs(above: Sequence[str], delimiter: str, width: int) -> list[str]:
+    """Names that span two columns each, over `X,Y,X,Y`, as software of drives exports traces; else empty."""
+    if len(above) < 2 or delimiter == " ":
+        return []
+    names, axes = (_cells(line, delimiter) for line in above)
+    whole = len(axes) == width and axes[: width // 2 * 2] == axes[:2] * (width // 2) and axes[0] != axes[1]
+    if not whole or width % 2 or not all(names[: width - 1 : 2]) or any(names[1:width:2]):
+        return []
+    return [f"{names[k // 2 * 2]} {axis} ({k // 2 + 1})" for k, axis in enumerate(axes)]
 
 
 def _mended_names(line: str, rows: Sequence[str], delimiter: str, width: int) -> list[str]:

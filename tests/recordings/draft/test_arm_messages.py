@@ -142,3 +142,29 @@ def test_arrays_go_from_the_base_to_the_flange_and_leave_fingers_out() -> None:
 def test_what_names_say_of_rates_and_shares(name: str, quantity: str, computed: bool) -> None:
     found = meaning(name)
     assert (found.quantity, found.computed) == (quantity, computed)
+
+
+KORTEX = "kortex_driver/msg/BaseCyclic_Feedback"
+
+
+def test_kinovas_feedback_is_in_degrees_and_gives_the_reaction(tmp_path: Path) -> None:
+    store = get_typestore(Stores.ROS1_NOETIC)
+    fields = "uint32 command_id\nfloat32 position\nfloat32 velocity\nfloat32 torque\nfloat32 current_motor"
+    store.register(get_types_from_msg(fields, "kortex_driver/msg/ActuatorFeedback"))
+    store.register(get_types_from_msg("uint32 frame_id\nActuatorFeedback[] actuators", KORTEX))
+    actuator, feedback = store.types["kortex_driver/msg/ActuatorFeedback"], store.types[KORTEX]
+    q = np.degrees(SIGNALS["q"]) % 360.0  # as Kinova counts
+    with Writer1(tmp_path / "a.bag") as bag:
+        connection = bag.add_connection("/base_feedback", KORTEX, typestore=store)
+        for k, at in enumerate(BEGIN_S + TIME[:600]):
+            columns = q[k], np.degrees(SIGNALS["dq"][k]), -SIGNALS["tau"][k]
+            actuators = [actuator(0, *map(float, row), 0.5) for row in zip(*columns, strict=True)]
+            raw = store.serialize_ros1(feedback(k, actuators), KORTEX)
+            bag.write(connection, round(at * 1e9), raw)
+    draft = draft_mapping([tmp_path / "a.bag"], URDF, str(PANDA.urdf))
+    assert not draft.questions
+    assert "command" not in draft.channels  # command_id is none
+    states = draft.channels["states"]
+    assert (states["position"]["unit"], states["velocity"]["unit"]) == ("deg", "deg/s")
+    assert all(formula.startswith("-") for formula in states["effort"]["formula"])
+    assert draft.joints == [f"panda_joint{k}" for k in range(1, COUNT + 1)]

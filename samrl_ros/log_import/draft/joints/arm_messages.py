@@ -1,7 +1,9 @@
 """What fields of arms' own state messages are, as their makers document them.
 
 Sources: `franka_msgs` of github.com/frankaemika/franka_ros and franka_ros2 with libfranka's `RobotState`,
-`flexiv_msgs` of github.com/flexivrobotics/flexiv_ros2, `lbr_fri_idl` of github.com/lbr-stack.
+`flexiv_msgs` of github.com/flexivrobotics/flexiv_ros2, `lbr_fri_idl` of github.com/lbr-stack, `kortex_driver` of
+github.com/Kinovarobotics/ros_kortex; that Kinova's sensors give the reaction is said in its examples of torque
+control: "Torque measure is reversed compared to actuator direction".
 """
 
 from __future__ import annotations
@@ -22,10 +24,12 @@ _NUMBERED = re.compile(r"(.*?)(\d+)$")
 
 @dataclass(frozen=True)
 class ArmMessage:
-    """In SI units; arrays go from the base to the flange, torques are of sensors behind the gears."""
+    """Arrays go from the base to the flange, torques are of sensors behind the gears, SI but for the angle."""
 
     about: str
     fields: dict[str, NameMeaning]  # by stem; of others nothing is used
+    angle: str = "rad"
+    reaction: bool = False  # torques are those on the sensor, against those on the link
 
     def meaning(self, stem: str) -> NameMeaning:
         """Of a field; of one that is neither measured joint states nor what they follow, `computed`."""
@@ -58,6 +62,16 @@ ARM_MESSAGES = {
             "measured_torque": _EFFORT,
             "commanded_joint_position": _ASKED,
         },
+    ),
+    "kortex_driver/msg/BaseCyclic_Feedback": ArmMessage(
+        "Kinova's state of the robot, by actuator",
+        {
+            "actuators.{}.position": _POSITION,
+            "actuators.{}.velocity": _VELOCITY,
+            "actuators.{}.torque": _EFFORT,
+        },
+        angle="deg",
+        reaction=True,
     ),
 }
 

@@ -13,6 +13,7 @@ from samrl_ros.log_import.draft.column_names import QUANTITIES, words_in
 from samrl_ros.log_import.draft.guess import Draft, Effort
 from samrl_ros.log_import.draft.joints.arm_messages import ARM_MESSAGES, is_libfranka
 from samrl_ros.log_import.draft.joints.named_sources import NamedBlock, add_source, name_of, quantity_of
+from samrl_ros.log_import.draft.joints.told_by_model import with_minus
 
 # Arms with torque sensors behind the gears, by how their makers' packages name the joints.
 _LINK_SENSORS = ("panda_joint", "fr3_joint", "fer_joint", "iiwa_joint", "lbr_", "lbr_iiwa", "rizon", "gen3_")
@@ -109,7 +110,7 @@ def add_command(
         for c in found
         if c.meaning.commanded and not c.meaning.computed and set(order) <= set(c.block.labels)
     ]
-    wanted = [c for c in commanded if c.meaning.quantity in ("position", "")]
+    wanted = [c for c in commanded if c.meaning.quantity == "position" or _moves_unnamed(c)]
     if not wanted:
         return _add_follower(found, position, order, unit, time, draft)
     best = max(wanted, key=lambda c: (c.meaning.quantity == "position", len(c.block.values)))
@@ -140,6 +141,11 @@ def add_command(
             channel[quantity] = quantity_of(more[0], order, suffix, draft, source)
             used.append(more[0])
     return used
+
+
+def _moves_unnamed(each: NamedBlock) -> bool:
+    """Whether a block whose name says no quantity changes at all: a `command_id` of zeros commands nothing."""
+    return not each.meaning.quantity and bool(np.ptp(each.block.values, axis=0).any())
 
 
 def _add_follower(
@@ -230,6 +236,9 @@ def add_effort(
         source = "effort"
         add_source(best.part, source, draft)
     quantity = quantity_of(best, order, unit, draft, source)
+    if best.part.kind in ARM_MESSAGES and ARM_MESSAGES[best.part.kind].reaction:
+        with_minus(quantity)
+        draft.note("channels.states.effort", "these sensors give the reaction, so with a minus")
     if link:
         if source != "states":
             quantity["source"] = source
@@ -262,9 +271,10 @@ def _measure_behind_gears(torque: NamedBlock, draft: Draft) -> bool:
 
     A torque that is called a motor's is not that of a sensor.
     """
-    if _OF_DRIVES & set(words_in(torque.block.stem)):
-        return False
-    return torque.part.kind in ARM_MESSAGES or all(name.startswith(_LINK_SENSORS) for name in draft.joints)
+    if torque.part.kind in ARM_MESSAGES:
+        return True
+    of_drive = bool(_OF_DRIVES & set(words_in(torque.block.stem)))
+    return not of_drive and all(name.startswith(_LINK_SENSORS) for name in draft.joints)
 
 
 def _add_commanded_effort(

@@ -15,19 +15,31 @@ from samrl_core.common.errors import InputError
 from samrl_ros.log_import.draft.blocks import LogBlock, LogPart, read_parts
 from samrl_ros.log_import.draft.column_names import NameMeaning, meaning, words_in
 from samrl_ros.log_import.draft.guess import Draft, Effort
-from samrl_ros.log_import.draft.joints.arm_messages import ARM_MESSAGES, is_libfranka, numbered_joints
+from samrl_ros.log_import.draft.joints.arm_messages import (
+    ARM_MESSAGES,
+    is_libfranka,
+    labels_of_array,
+    numbered_joints,
+)
 from samrl_ros.log_import.draft.joints.channels import add_command, add_effort, add_velocity
 from samrl_ros.log_import.draft.joints.named_blocks import nothing_measured, without_tool
 from samrl_ros.log_import.draft.joints.named_sources import NamedBlock, add_source, name_of, quantity_of
 from samrl_ros.log_import.draft.joints.run_files import files_in, recordings_of, runs_alike
 from samrl_ros.log_import.draft.joints.speed_alone import integrate_speeds
-from samrl_ros.log_import.draft.joints.told_by_model import is_without_gravity, settle_by_model, told_by_model
+from samrl_ros.log_import.draft.joints.told_by_model import (
+    is_reversed,
+    is_without_gravity,
+    reverse_torque,
+    settle_by_model,
+    told_by_model,
+)
 from samrl_ros.log_import.draft.joints.torque_switch import add_torque_switch
 from samrl_ros.log_import.draft.joints.whole_turns import take_turns_out, take_turns_out_beside, turn_of
 from samrl_ros.log_import.formats.parquet import episodes, is_lerobot
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics, read_text_topic
 from samrl_ros.recordings.read import chained_joints, moving_joints
 
+_NAMED = 4  # of columns that may be meant instead, in a question
 _MOST_EPISODES = 20  # of a dataset, that become recordings
 _RTDE = ("actual_q_{}", "target_q_{}")  # Universal Robots, Real-Time Data Exchange guide
 _COUNTED = frozenset("counts count encoder enc tick ticks".split())
@@ -127,21 +139,24 @@ def _ask_model(
     used: Sequence[NamedBlock],
     draft: Draft,
 ) -> None:
-    """Settle questions of order and units by the model's limits and torques, where there are any."""
-    if not any(guess.asks for guess in draft.guesses):
+    """Settle questions of order and units by the model's limits and torques, where there are any.
+
+    Torques that follow the model's with the other sign are taken with a minus, and asked for.
+    """
+    effort = next((e for e in used if e.meaning.quantity == "effort" and e.part is position.part), None)
+    if effort is None and not any(guess.asks for guess in draft.guesses):
         return
     rows = position.block.rows.copy()
-    effort = next((e for e in used if e.meaning.quantity == "effort" and e.part is position.part), None)
     if effort is not None:
         rows &= effort.block.rows
-    told = told_by_model(
-        urdf,
-        draft.joints,
-        time[rows],
-        position.block.ordered(order)[rows[position.block.rows]],
-        unit,
-        None if effort is None else effort.block.ordered(order)[rows[effort.block.rows]],
-    )
+    tau = None if effort is None else effort.block.ordered(order)[rows[effort.block.rows]]
+    if tau is not None and is_reversed(draft):
+        tau = -tau
+    seen = time[rows], position.block.ordered(order)[rows[position.block.rows]], unit
+    told = told_by_model(urdf, draft.joints, *seen, tau)
+    if told is not None and told.reversed and tau is not None:
+        reverse_torque(draft, told)
+        told = told_by_model(urdf, draft.joints, *seen, -tau)
     if told is not None:
         settle_by_model(draft, told, unit)
 
@@ -262,7 +277,9 @@ def _measured_position(found: list[NamedBlock], joints: Sequence[str], draft: Dr
     standard = best.part.kind == "sensor_msgs/msg/JointState"
     question = ""
     if rivals and not standard:
-        question = f"is {name_of(best)} the joint's position, and not {' or '.join(map(name_of, rivals))}?"
+        others = list(dict.fromkeys(map(name_of, rivals)))
+        more = f" or {len(others) - _NAMED} more" if len(others) > _NAMED else ""
+        question = f"is {name_of(best)} the joint's position, and not {' or '.join(others[:_NAMED])}{more}?"
     elif reason not in ("", "the name says position"):
         question = f"is {name_of(best)} the measured position?"
     if reason or question:
@@ -283,6 +300,12 @@ def _joints(position: NamedBlock, joints: Sequence[str], urdf: str | None, draft
         )
         draft.note("joints", "names that log and URDF share, in the URDF's order", question)
         return there
+    if position.part.kind in ARM_MESSAGES and len(joints) >= len(labels) == len(
+        arms := [label for label in labels_of_array(len(labels), joints) if label in joints]
+    ):
+        draft.joints = arms
+        draft.note("joints", "the message counts the joints from the base to the flange")
+        return list(labels)
     numbered = numbered_joints(len(labels), joints)
     if numbered and sorted(labels) == sorted(str(k + 1) for k in range(len(labels))):
         draft.joints = list(numbered)
@@ -317,6 +340,9 @@ def _joint_name(label: str, number: int) -> str:
 
 def _position_unit(position: NamedBlock, draft: Draft) -> str:
     key, values = "channels.states.position", position.block.values
+    if (message := ARM_MESSAGES.get(position.part.kind)) is not None:
+        draft.note(key, f"{message.about}: in {message.angle}, as its makers say")
+        return message.angle
     if position.part.ros:
         draft.note(key, "ROS messages are in rad and m (REP-103)")
         return "rad"

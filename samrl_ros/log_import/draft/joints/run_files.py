@@ -13,7 +13,7 @@ from samrl_ros.log_import.draft.blocks import LogPart
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.formats.parquet import is_lerobot
 from samrl_ros.log_import.formats.rosbag import is_bag
-from samrl_ros.log_import.tables import RARELY_LOGS, SUFFIXES
+from samrl_ros.log_import.tables import RARELY_LOGS, SUFFIXES, is_text_table
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,11 @@ def files_in(path: Path) -> list[Path]:
 
 
 def _logs_in(folder: Path) -> list[Path]:
-    inside = sorted(file for file in folder.iterdir() if file.suffix.lower() in SUFFIXES)
-    return [file for file in inside if file.suffix.lower() not in RARELY_LOGS] or inside
+    """By name; text under any other suffix, settings and weights where there is nothing else."""
+    files = sorted(folder.iterdir())
+    known = [file for file in files if file.suffix.lower() in SUFFIXES]
+    usual = [file for file in known if file.suffix.lower() not in RARELY_LOGS]
+    return usual or [file for file in files if is_text_table(file)] or known
 
 
 def runs_alike(parts: Sequence[LogPart]) -> list[RunFile]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from scipy.signal import savgol_filter
@@ -42,6 +43,7 @@ class ToldByModel:
     exchangeable: tuple[tuple[str, str], ...] = ()  # pairs that can
     compared: bool = True  # whether there were torques to compare
     slope: float = 0.0  # measured over modelled torque, median of the joints that carry
+    reversed: bool = False  # the torques follow the model's with the other sign
 
     @property
     def unit(self) -> bool:
@@ -79,13 +81,12 @@ def told_by_model(
     mine = log.against(arm, UNITS[unit])
     needed = min(_LEAST_CARRYING, len(joints))
     slope = float(np.median(mine.slopes[mine.carries])) if mine.carries.any() else 0.0
-    follows = bool(
-        mine.carries.sum() >= needed
-        and (mine.slopes[mine.carries] > _ALIKE[0]).all()
-        and (mine.slopes[mine.carries] < _ALIKE[1]).all()
+    follows, turned = (
+        bool(mine.carries.sum() >= needed and ((_ALIKE[0] < slopes) & (slopes < _ALIKE[1])).all())
+        for slopes in (mine.slopes[mine.carries], -mine.slopes[mine.carries])
     )
     if not follows:
-        return ToldByModel(by_limits, False, False, False, slope=slope)
+        return ToldByModel(by_limits, False, False, False, slope=slope, reversed=turned)
     by_torque = all(
         mine.likelihood - log.against(arm, UNITS[u]).likelihood > _SURELY for u in others if inside[u]
     )
@@ -114,6 +115,32 @@ def settle_by_model(draft: Draft, told: ToldByModel, unit: str) -> None:
         ))  # fmt: skip
     if told.torque_in_nm:
         draft.settle("torque_unit", follow)
+
+
+def is_reversed(draft: Draft) -> bool:
+    """Whether a draft takes its measured torque with a minus."""
+    return any(
+        str(formula).startswith("-")
+        for channel in (draft.channels.get("states", {}), draft.channels.get("commanded_effort", {}))
+        if isinstance(quantity := channel.get("effort"), dict)
+        for formula in quantity["formula"]
+    )
+
+
+def with_minus(quantity: dict[str, Any]) -> None:
+    """Takes a quantity of a draft with the other sign."""
+    quantity["formula"] = [f"-{formula}" for formula in quantity["formula"]]
+
+
+def reverse_torque(draft: Draft, told: ToldByModel) -> None:
+    """Take the measured torque with a minus, and ask."""
+    name = "states" if "effort" in draft.channels["states"] else "commanded_effort"
+    with_minus(draft.channels[name]["effort"])
+    draft.note(
+        f"channels.{name}.effort",
+        f"the torques follow the URDF's with the other sign (ratio {told.slope:.2f}): taken with a minus",
+        "does the log give the reaction, or do the joints turn the other way than the URDF's?",
+    )
 
 
 def is_without_gravity(

@@ -6,6 +6,7 @@ show in the numbers, since no depth camera measures 100 m; between cm and mm a n
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -20,8 +21,10 @@ from samrl_ros.log_import.draft.tracks.logged_tracks import LoggedTable
 from samrl_ros.log_import.pose_specs import LENGTHS
 from samrl_ros.log_import.table import Table
 
-DEPTH = frozenset("depth range tof lidar".split())
+DEPTH = frozenset("depth range tof lidar sonar ultrasonic realsense kinect".split())
+_SENSORS = re.compile(r"vl(?:53l|6180)\w*|hcsr04|hc[-_ ]sr04|gp2y\w*|d4[0-9]5i?", re.IGNORECASE)
 TRUTH = frozenset("true truth reference ref gt groundtruth ground actual laser plane distance".split())
+TRUTH |= frozenset("tape ruler caliper expected known".split())
 GIVEN = frozenset("measured raw reading sensor camera cam estimated est".split())
 FARTHEST, NEAREST = 30.0, 0.05  # [m] that depth cameras measure
 ALIKE = 0.9  # correlation of a reading with its reference
@@ -43,10 +46,16 @@ def draft_readings(tables: Sequence[LoggedTable]) -> Draft | None:
     counts = {name for name in columns if COUNTERS & set(words_in(name.rpartition(".")[2]))}
     read = [name for name in columns if _says_depth(name) and not says_truth(name) and name not in counts]
     read = read or [name for name in columns if _says_measured_length(name)]
+    unsaid = not read and len(columns) == len(tables[0].table.columns) == 2
+    if unsaid:  # `expected,measured`, without a time beside, which a log of a controlled joint has
+        read = [name for name in columns if GIVEN & set(words_in(name))]
     pairs = [(a, b) for a in read for b in true if _alike(columns[a], columns[b])]
     draft = Draft(about="Drafted by samrl bag draft. Every entry has its reason beside it; check them.")
     if pairs:
         used = _describe_depth(columns, pairs, draft)
+        if unsaid:
+            why = f"neither {used[0]!r} nor {used[1]!r} says of what"
+            draft.note("readings", why, "are they a sensor's distances, in this unit?")
     elif clocks := find_clocks(tables[0].table):
         used = describe_clocks(clocks, [each.table for each in tables if clocks.are_in(each.table)], draft)
     else:
@@ -116,7 +125,7 @@ def _numbers(table: Table, name: str) -> np.ndarray | None:
 
 
 def _says_depth(name: str) -> bool:
-    return bool(set(words_in(name)) & DEPTH)
+    return bool(set(words_in(name)) & DEPTH) or _SENSORS.search(name) is not None
 
 
 def _says_measured_length(name: str) -> bool:

@@ -36,7 +36,7 @@ from samrl_ros.log_import.formats.transform_tree import frames_of
 from samrl_ros.log_import.formats.views import files_of_views, find_views, is_of_views, name_of_file
 from samrl_ros.log_import.specs import CsvOptions
 from samrl_ros.log_import.table import Table
-from samrl_ros.log_import.tables import SUFFIXES, TEXT_SUFFIXES, read_table
+from samrl_ros.log_import.tables import SUFFIXES, TEXT_SUFFIXES, is_text_table, read_table
 
 POSES = frozenset(
     f"geometry_msgs/msg/{name}"
@@ -127,10 +127,17 @@ class LoggedTable:
 
     def tracks(self) -> list[LoggedTrack]:
         """Its poses and positions; of a topic the first."""
-        found = _without_commands(find_positions(self.table))[: 1 if self.part else None]
+        moved = [track for track in find_positions(self.table) if not _counts_rows(self.table, track)]
+        found = _without_commands(moved)[: 1 if self.part else None]
         for track in found:
             empty_zeros(self.table, track)
         return [LoggedTrack(self.path, self.table, t, self.part, self.header, self.csv) for t in found]
+
+
+def _counts_rows(table: Table, track: FoundTrack) -> bool:
+    """Whether an axis is a row's number: `X` beside `Y` of a trace that a drive's software exported."""
+    steps = np.diff(position_of(table, track), axis=0)
+    return bool((steps == 1.0).all(axis=0).any())
 
 
 def _without_commands(tracks: list[FoundTrack]) -> list[FoundTrack]:
@@ -158,25 +165,29 @@ def read_logged_tables(paths: Sequence[Path]) -> list[LoggedTable]:
     for path in views:
         found += _tables_of(path)
     for given in paths:
-        for path in files_of(given):
+        files = files_of(given)
+        alone = files == [given] or not any(path.suffix.lower() in SUFFIXES for path in files)
+        for path in files:
             try:
-                found += [] if path in single else _tables_of(path)
+                found += [] if path in single else _tables_of(path, alone)
             except InputError:
                 if path == given:
                     raise
     return found
 
 
-def _tables_of(path: Path) -> list[LoggedTable]:
+def _tables_of(path: Path, alone: bool = False) -> list[LoggedTable]:
+    """Of a file; `alone` takes text of any suffix, which beside logs of usual ones is something else."""
     if is_bag(path):
         return _topics(path)
     if is_of_views(path):
         return [LoggedTable(path, read_table(path, CsvOptions(), "the log", ""))]
-    if not is_file(path) or path.suffix.lower() not in SUFFIXES:
+    text = is_text_table(path) if alone else path.suffix.lower() in TEXT_SUFFIXES
+    if not is_file(path) or not (text or path.suffix.lower() in SUFFIXES):
         return []
     options = text_options(path)
     whole = LoggedTable(path, read_table(path, options, "the log", ""), csv=options)
-    labelled = split_by_label(whole) if path.suffix.lower() in TEXT_SUFFIXES else []
+    labelled = split_by_label(whole) if text else []
     return labelled or [whole]
 
 

@@ -67,9 +67,7 @@ def import_recording(spec: RecordingSpec, mapping: Mapping, data: Path) -> Impor
     zero = float(cache[spec.source_of(spec.channels["states"])].time[0])
     arm = _arm(spec, constants, mapping.path, data, notes)
     law = None if arm.controller is None else arm.controller.law
-    signals = {
-        name: _signal(name, spec, cache, zero, law, report, notes) for name in spec.channels
-    }
+    signals = {name: _signal(name, spec, cache, zero, law, report, notes) for name in spec.channels}
     digest = hashlib.sha256(mapping.text.encode() + spec.name.encode())
     for source in cache.values():
         for file in source.files:
@@ -154,7 +152,9 @@ def _signal(
     if not known.all():
         notes.append(f"{name}: {(~known).sum()} samples at which a quantity of another source is unknown")
         if known.sum() < 2:
-            raise InputError(f"{where}: its sources have {known.sum()} moments in common; they share one clock")
+            raise InputError(
+                f"{where}: its sources have {known.sum()} moments in common; they share one clock"
+            )
         time, values = time[known], {quantity: block[known] for quantity, block in values.items()}
     raw_rate = 1.0 / float(np.median(np.diff(time)))
     if (plan.rate_hz is not None or plan.filter is not None) and (gaps := find_gaps(time)).any():

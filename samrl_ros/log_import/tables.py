@@ -63,14 +63,17 @@ _OTHERS = (".urdf", ".xacro", ".xml", ".md", ".py", ".m", ".html", ".svg")  # te
 
 
 def is_text_table(path: Path) -> bool:
-    """Whether a file is a table in text, by its suffix, or by its first lines where that is unknown: .dat, .t."""
+    """Whether a file is a table in text: by its suffix, or by its first lines where that is unknown."""
     suffix = path.suffix.lower()
     if suffix in TEXT_SUFFIXES or suffix in SUFFIXES or suffix in _OTHERS or is_bag(path):
         return suffix in TEXT_SUFFIXES
     if not is_file(path):
         return False
-    with path.open("rb") as file:
-        head = file.read(_HEAD)
+    try:
+        with path.open("rb") as file:
+            head = file.read(_HEAD)
+    except OSError:
+        return False
     if b"\0" in head:
         return False
     lines = [line for line in head.decode("latin-1").splitlines()[:-1] if line.strip()]
@@ -112,7 +115,7 @@ def read_table(path: Path, options: CsvOptions, where: str, part: str = "") -> T
         found = FORMATS[0]
     if found is None:
         raise InputError(
-            f"{where}: {path.name} is of unknown kind; use {', '.join(SUFFIXES)}, a table in text of any other"
+            f"{where}: {path.name} is of unknown kind; use {', '.join(SUFFIXES)}, a table in text under any"
             " name, a bag or a LeRobot dataset"
         )
     if part and not found.parts:

@@ -118,9 +118,9 @@ def _nothing_found(parts: Sequence[LogPart]) -> str:
     unnamed = bool(names) and all(name.isdecimal() for name in names)
     if unnamed and rows < _LEAST and len(names) > _ACROSS * rows:
         return (
-            f"holds {rows} rows of {len(names)} numbers: a signal in each row, as it seems. Turn it over, so that"
-            f" each row is a moment (numpy.savetxt('turned.txt', numpy.loadtxt(...).T)), and name its {rows}"
-            " columns in a first line, such as time,q1,q2,tau1,tau2"
+            f"holds {rows} rows of {len(names)} numbers: a signal in each row, as it seems. Turn it over, so"
+            " that each row is a moment (numpy.savetxt('turned.txt', numpy.loadtxt(...).T)), and name its"
+            f" {rows} columns in a first line, such as time,q1,q2,tau1,tau2"
         )
     why = f"no columns of numbers with {_LEAST} rows" if rows >= _LEAST else (
         f"{rows} rows: joints need {_LEAST}, and neither two poses (a target's and a flange's), nor a body's"

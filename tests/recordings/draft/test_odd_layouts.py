@@ -36,7 +36,9 @@ def test_a_table_in_text_may_have_any_suffix(tmp_path: Path, name: str, separato
     assert draft.channels["states"]["position"]["unit"] == "rad"
 
 
-@pytest.mark.parametrize("text", ["# Notes\n\nOn 3 May 2 runs.\n" * 20, "x = 1\ny = 2\n" * 20, "\0\1\2,3\n" * 30])
+@pytest.mark.parametrize(
+    "text", ["# Notes\n\nOn 3 May 2 runs.\n" * 20, "x = 1\ny = 2\n" * 20, "\0\1\2,3\n" * 30]
+)
 def test_other_files_are_no_tables(tmp_path: Path, text: str) -> None:
     with pytest.raises(InputError, match="unknown kind"):
         drafted(tmp_path / "a.dat", text)

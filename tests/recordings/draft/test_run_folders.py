@@ -1,4 +1,4 @@
-"""Runs that lie under one name in a folder each, as laboratories record them, and a Drake model beside them."""
+"""Runs under one name in a folder each, as laboratories record them, and a model of Drake beside them."""
 
 from __future__ import annotations
 

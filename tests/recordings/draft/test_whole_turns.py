@@ -80,3 +80,33 @@ def test_a_recording_that_wraps_is_refused_with_the_remedy(tmp_path: Path) -> No
     draft.channels["states"]["position"]["formula"] = ["angle_deg_1"]  # as written by hand
     with pytest.raises(InputError, match=r"joint_1 goes from .* wraps around.*unwrap\(x, 360\) of degrees"):
         _imported(draft, tmp_path)
+
+
+LINK = """<link name="{0}"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
+JOINT = '<joint name="{0}" type="{1}"><parent link="{2}"/><child link="{3}"/><axis xyz="0 1 0"/>{4}</joint>'
+LIMIT = '<limit lower="-1.5" upper="1.5" effort="9" velocity="9"/>'
+ARM = "".join([
+    '<robot name="arm">', *(LINK.format(name) for name in ("base", "a", "b", "c")),
+    JOINT.format("bends", "revolute", "base", "a", LIMIT), JOINT.format("rests", "revolute", "a", "b", LIMIT),
+    JOINT.format("turns", "continuous", "b", "c", '<limit effort="9" velocity="9"/>'), "</robot>",
+])  # fmt: skip
+
+
+def test_350_degrees_are_10_less_than_none_by_the_urdfs_limits(tmp_path: Path) -> None:
+    rests = -10.0 + 5.0 * np.sin(TIME)  # no jump: always between 345 and 355
+    columns = {"bends": ANGLE - 20.0, "rests": rests, "turns": 200.0 + rests}
+    path = tmp_path / "arm.csv"
+    named = {f"{name}_pos_deg": angles % 360.0 for name, angles in columns.items()}
+    named |= {f"{name}_target_deg": (angles + 1.0) % 360.0 for name, angles in columns.items()}
+    table = np.column_stack([TIME, *named.values()])
+    np.savetxt(path, table, delimiter=",", header=",".join(["time_s", *named]), comments="", fmt="%.4f")
+    (tmp_path / "arm.urdf").write_text(ARM)
+    draft = draft_mapping([path], ARM, "arm.urdf", Effort.none)
+    assert not draft.questions
+    recording = _imported(draft, tmp_path)
+    assert recording.command is not None
+    for signal, offset in ((recording.states, 0.0), (recording.command, 1.0)):
+        assert signal.position is not None
+        expected = np.radians(np.column_stack([angles + offset for angles in columns.values()]))
+        np.testing.assert_allclose(signal.position, expected, atol=1e-4)

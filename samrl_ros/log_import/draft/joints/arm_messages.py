@@ -1,9 +1,9 @@
 """What fields of arms' own state messages are, as their makers document them.
 
 Sources: `franka_msgs` of github.com/frankaemika/franka_ros and franka_ros2 with libfranka's `RobotState`,
-`flexiv_msgs` of github.com/flexivrobotics/flexiv_ros2, `lbr_fri_idl` of github.com/lbr-stack, `kortex_driver` of
-github.com/Kinovarobotics/ros_kortex; that Kinova's sensors give the reaction is said in its examples of torque
-control: "Torque measure is reversed compared to actuator direction".
+`flexiv_msgs` of github.com/flexivrobotics/flexiv_ros2, `lbr_fri_idl` of github.com/lbr-stack, `kortex_driver`
+of github.com/Kinovarobotics/ros_kortex; that Kinova's sensors give the reaction is said in its examples of
+torque control: "Torque measure is reversed compared to actuator direction".
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _NUMBERED = re.compile(r"(.*?)(\d+)$")
 
 @dataclass(frozen=True)
 class ArmMessage:
-    """Arrays go from the base to the flange, torques are of sensors behind the gears, SI but for the angle."""
+    """Arrays go from the base to the flange, torques are of sensors behind the gears; SI but for angles."""
 
     about: str
     fields: dict[str, NameMeaning]  # by stem; of others nothing is used

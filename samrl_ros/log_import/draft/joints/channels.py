@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from os.path import commonprefix
+from itertools import takewhile
 from typing import Any
 
 import numpy as np
@@ -56,8 +56,12 @@ def _elsewhere(found: list[NamedBlock], position: NamedBlock, order: list[str]) 
         and not c.meaning.computed
         and set(order) <= set(c.block.labels)
     ]
-    place = position.part.part or position.part.path.stem
-    return sorted(there, key=lambda c: -len(commonprefix([place, c.part.part or c.part.path.stem])))
+    place = _place(position)
+    return sorted(there, key=lambda c: -sum(1 for _ in takewhile(bool, map(str.__eq__, place, _place(c)))))
+
+
+def _place(each: NamedBlock) -> str:
+    return each.part.part or each.part.path.stem
 
 
 def add_velocity(
@@ -144,7 +148,7 @@ def add_command(
 
 
 def _moves_unnamed(each: NamedBlock) -> bool:
-    """Whether a block whose name says no quantity changes at all: a `command_id` of zeros commands nothing."""
+    """Whether a block whose name says no quantity changes at all: a `command_id` of zeros is none."""
     return not each.meaning.quantity and bool(np.ptp(each.block.values, axis=0).any())
 
 

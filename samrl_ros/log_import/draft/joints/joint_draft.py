@@ -34,7 +34,13 @@ from samrl_ros.log_import.draft.joints.told_by_model import (
     told_by_model,
 )
 from samrl_ros.log_import.draft.joints.torque_switch import add_torque_switch
-from samrl_ros.log_import.draft.joints.whole_turns import take_turns_out, take_turns_out_beside, turn_of
+from samrl_ros.log_import.draft.joints.whole_turns import (
+    TURNS,
+    move_into_limits,
+    take_turns_out,
+    take_turns_out_beside,
+    turn_of,
+)
 from samrl_ros.log_import.formats.parquet import episodes, is_lerobot
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics, read_text_topic
 from samrl_ros.recordings.read import chained_joints, moving_joints
@@ -103,8 +109,11 @@ def draft_mapping(
         draft.channels["states"] = states
         if turn := turn_of(position, unit):
             whole = take_turns_out(position, order, turn, states["position"], draft)
-            found = [whole if each.block is position.block else each for each in found]
-            position = whole
+            found, position = _replaced(found, position, whole), whole
+        if urdf is not None:
+            within = move_into_limits(position, order, urdf, states["position"], draft)
+            turn = turn or (0.0 if within is position else TURNS[unit])
+            found, position = _replaced(found, position, within), within
         used = [position, *add_velocity(found, position, order, unit, time, states, draft)]
     commands = [] if "command" in draft.channels else add_command(found, position, order, unit, time, draft)
     if turn and commands:
@@ -128,6 +137,10 @@ def draft_mapping(
         for source in draft.sources.values():
             source["file"] = runs[0].pattern
     return draft
+
+
+def _replaced(found: list[NamedBlock], old: NamedBlock, new: NamedBlock) -> list[NamedBlock]:
+    return [new if each.block is old.block else each for each in found]
 
 
 def _ask_model(

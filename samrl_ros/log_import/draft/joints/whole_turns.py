@@ -1,6 +1,6 @@
 """Angles of a log that wrap around, as 0 to 360 degrees or 0 to 4095 counts: their turns are taken out.
 
-What follows such an angle wraps with it, and may begin a turn away.
+What follows such an angle wraps with it, and may begin a turn away; so may the angle, by its joint's limits.
 """
 
 from __future__ import annotations
@@ -12,10 +12,13 @@ from typing import Any
 import numpy as np
 
 from samrl_core.diagnosis.recordings.turns import find_wraps
+from samrl_core.diagnosis.recordings.units import joint_kinds
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.joints.named_sources import NamedBlock, name_of
 
-_TURNS = {"rad": 2.0 * np.pi, "deg": 360.0, "rev": 1.0}
+TURNS = {"rad": 2.0 * np.pi, "deg": 360.0, "rev": 1.0}
+_SHIFTS = (-2, -1, 0, 1, 2)  # whole turns that a log may be away
+_SLACK = 0.1  # [rad] beyond the limits that zeros and soft stops may account for
 _TURN_WORDS = {"rad": "2 * pi", "deg": "360", "rev": "1"}
 _COUNTS = (
     360,
@@ -39,7 +42,7 @@ _COUNTS = (
 
 def turn_of(position: NamedBlock, unit: str) -> float:
     """How much of a position is a turn, where it wraps around; 0 where it does not."""
-    turns = [_TURNS[unit]] if unit in _TURNS else []
+    turns = [TURNS[unit]] if unit in TURNS else []
     if unit.startswith("counts"):
         largest = float(np.ptp(position.block.values))
         turns = [float(next((n for n in _COUNTS if n > largest), 0))]
@@ -74,6 +77,40 @@ def take_turns_out(
     return replace(position, block=replace(position.block, values=values))
 
 
+def move_into_limits(
+    position: NamedBlock, order: Sequence[str], urdf: str, quantity: dict[str, Any], draft: Draft
+) -> NamedBlock:
+    """The position whole turns less where only that lies within the URDF's limits: 350 degrees are -10.
+
+    Args:
+        position: of the joints, without jumps.
+        order: labels of the joints, as the formulas and the draft's joints are.
+        urdf: text.
+        quantity: of the mapping, whose formulas are changed.
+        draft: to which the reason is added.
+    """
+    if (turn := TURNS.get(quantity["unit"])) is None:
+        return position
+    kinds, values, moved = joint_kinds(urdf), position.block.values.copy(), []
+    for number, (label, joint) in enumerate(zip(order, draft.joints, strict=True)):
+        k, kind = position.block.labels.index(label), kinds.get(joint)
+        if kind is None or kind.prismatic or not np.isfinite([kind.lower, kind.upper]).all():
+            continue
+        low, high = (limit * turn / (2.0 * np.pi) for limit in (kind.lower - _SLACK, kind.upper + _SLACK))
+        least, most = float(values[:, k].min()), float(values[:, k].max())
+        fits = [n for n in _SHIFTS if low <= least - n * turn and most - n * turn <= high]
+        if len(fits) == 1 and fits[0]:
+            values[:, k] -= fits[0] * turn
+            quantity["formula"][number] += _turns_less(fits[0], turn, quantity["unit"])
+            moved.append(joint)
+    if not moved:
+        return position
+    draft.note(
+        "channels.states.position", f"{', '.join(moved)}: whole turns less lie within the URDF's limits"
+    )
+    return replace(position, block=replace(position.block, values=values))
+
+
 def take_turns_out_beside(
     position: NamedBlock, command: NamedBlock, order: Sequence[str], turn: float, draft: Draft
 ) -> None:
@@ -89,13 +126,17 @@ def take_turns_out_beside(
             values = np.unwrap(values, period=turn)
             formula = _unwrapped(formula, turn, quantity["unit"])
         away = round(float(np.median(values) - np.median(measured)) / turn)
-        if away and formula != quantity["formula"][number]:
-            formula += f" {'-' if away > 0 else '+'} {abs(away)} * {_turn_word(turn, quantity['unit'])}"
+        if away:
+            formula += _turns_less(away, turn, quantity["unit"])
         if formula != quantity["formula"][number]:
             quantity["formula"][number] = formula
             draft.note(
                 "channels.command.position", f"{name_of(command)} wraps around as the position does: unwrap"
             )
+
+
+def _turns_less(count: int, turn: float, unit: str) -> str:
+    return f" {'-' if count > 0 else '+'} {abs(count)} * {_turn_word(turn, unit)}"
 
 
 def _unwrapped(formula: str, turn: float, unit: str) -> str:

@@ -182,7 +182,12 @@ def _block(
 
 def _counts(name: str, values: np.ndarray) -> bool:
     """Whether a column that is not called a time is the number of its row."""
-    return not is_time(name) and bool((np.diff(values) == 1.0).all())
+    return not is_time(name) and counts_rows(values)
+
+
+def counts_rows(values: np.ndarray) -> bool:
+    """Whether numbers are whole and one more from row to row; stamps of a second each are not whole."""
+    return bool((np.diff(values) == 1.0).all() and values[0] == np.round(values[0]))
 
 
 def _is_index(stem: str) -> bool:

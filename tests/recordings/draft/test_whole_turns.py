@@ -82,6 +82,20 @@ def test_a_recording_that_wraps_is_refused_with_the_remedy(tmp_path: Path) -> No
         _imported(draft, tmp_path)
 
 
+@pytest.mark.parametrize(("turn", "unit"), [(360.0, "deg"), (2 * np.pi, "rad")])
+def test_steps_of_an_encoder_tell_degrees_however_small_the_swing(
+    tmp_path: Path, turn: float, unit: str
+) -> None:
+    swing = 10.0 * np.exp(-0.2 * TIME) * np.sin(11.0 * TIME) - 1.0  # counts of 2048 a turn, under 2 degrees
+    path = tmp_path / "free.csv"
+    rows = [f"{t:.3f},{round(x) * turn / 2048:.6g}" for t, x in zip(TIME, swing, strict=True)]
+    path.write_text("\n".join(['"Time","angle"', *rows]) + "\n")
+    draft = draft_mapping([path], None, None, Effort.passive)
+    assert draft.channels["states"]["position"]["unit"] == unit
+    (question,) = draft.questions  # it is asked all the same
+    assert "is the unit" in question
+
+
 LINK = """<link name="{0}"><inertial><mass value="1"/>
 <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
 JOINT = '<joint name="{0}" type="{1}"><parent link="{2}"/><child link="{3}"/><axis xyz="0 1 0"/>{4}</joint>'

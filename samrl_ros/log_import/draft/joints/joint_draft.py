@@ -40,6 +40,7 @@ from samrl_ros.log_import.draft.joints.whole_turns import (
     take_turns_out,
     take_turns_out_beside,
     turn_of,
+    unit_of_steps,
 )
 from samrl_ros.log_import.formats.parquet import episodes, is_lerobot
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics, read_text_topic
@@ -376,8 +377,10 @@ def _position_unit(position: NamedBlock, draft: Draft) -> str:
         unit = "counts/4096" if values.min() >= 0 and largest < 4096 else "deg"
         draft.note(key, f"whole numbers up to {largest:g}", f"is the unit {unit}? Counts per turn, deg, mm?")
         return unit
-    unit = "deg" if largest > _FULL_TURNS else "rad"
+    stepped = unit_of_steps(values)
+    unit = stepped or ("deg" if largest > _FULL_TURNS else "rad")
     others = "rad" if unit == "deg" else "deg"
     question = f"is the unit {unit}, and not {others}, rev, m or mm?"
-    draft.note(key, f"numbers up to {largest:.3g}", question, "unit")
+    why = f", in steps that {unit} of an encoder have" if stepped else ""
+    draft.note(key, f"numbers up to {largest:.3g}{why}", question, "unit")
     return unit

@@ -17,6 +17,8 @@ from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.joints.named_sources import NamedBlock, name_of
 
 TURNS = {"rad": 2.0 * np.pi, "deg": 360.0, "rev": 1.0}
+_EVEN = 1e-3  # by which a step may miss a share of a turn, as written
+_OFF_LEVEL = 0.1  # of a step, by which a number may miss its level
 _SHIFTS = (-2, -1, 0, 1, 2)  # whole turns that a log may be away
 _SLACK = 0.1  # [rad] beyond the limits that zeros and soft stops may account for
 _TURN_WORDS = {"rad": "2 * pi", "deg": "360", "rev": "1"}
@@ -48,6 +50,21 @@ def turn_of(position: NamedBlock, unit: str) -> float:
         turns = [float(next((n for n in _COUNTS if n > largest), 0))]
     wraps = any(len(find_wraps(angles, turn)) for turn in turns if turn for angles in position.block.values.T)
     return turns[0] if wraps else 0.0
+
+
+def unit_of_steps(values: np.ndarray) -> str:
+    """`deg` or `rad` where all numbers are multiples of a turn's share by an encoder's counts; else empty."""
+    levels = np.unique(values)
+    if not 2 < len(levels) < len(values):
+        return ""
+    step = float(np.diff(levels).min())
+    for unit in ("deg", "rad"):
+        counts = TURNS[unit] / max(step, 1e-12)
+        near = min(_COUNTS, key=lambda count: abs(count - counts))
+        even = np.abs(levels / TURNS[unit] * near - np.round(levels / TURNS[unit] * near))
+        if near > _COUNTS[0] and abs(counts / near - 1.0) < _EVEN and even.max() < _OFF_LEVEL:
+            return unit
+    return ""
 
 
 def take_turns_out(

@@ -12,7 +12,7 @@ import pandas as pd
 
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_file, is_folder
-from samrl_ros.log_import.draft.blocks import numbers_of
+from samrl_ros.log_import.draft.blocks import counts_rows, numbers_of
 from samrl_ros.log_import.draft.column_names import (
     BASES,
     CAMERAS,
@@ -136,8 +136,7 @@ class LoggedTable:
 
 def _counts_rows(table: Table, track: FoundTrack) -> bool:
     """Whether an axis is a row's number: `X` beside `Y` of a trace that a drive's software exported."""
-    steps = np.diff(position_of(table, track), axis=0)
-    return bool((steps == 1.0).all(axis=0).any())
+    return any(counts_rows(axis) for axis in position_of(table, track).T)
 
 
 def _without_commands(tracks: list[FoundTrack]) -> list[FoundTrack]:

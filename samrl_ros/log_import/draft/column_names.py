@@ -29,9 +29,10 @@ MEASURED = "actual act meas measured feedback state states obs observation prese
 MEASURED += " sensor"
 COMPUTED = "error err output residual integral multi"
 # Of a torque: a share that somebody worked out of it, or its rate.
-SHARES = "ext external hat interact interaction gravity g coriolis friction contact disturbance dot rate"
+SHARES = "ext external hat interact interaction gravity g coriolis friction contact disturbance dot rate ff"
+SHARES += " feedforward"
 ENABLED = frozenset("enable enabled".split())  # whether a drive gives torque: torque_enable
-TIME = "t time times timestamp timestamps stamp stamps sec secs seconds ms us ns clock zeit"
+TIME = "t time times timestamp timestamps stamp stamps tstamp tstamps sec secs seconds ms us ns clock zeit"
 UNIT_WORDS = {
     "rad": "rad", "deg": "deg", "degrees": "deg", "degree": "deg", "rpm": "rpm", "nm": "N m", "ms": "ms",
     "us": "us", "ns": "ns", "s": "s", "sec": "s", "secs": "s", "seconds": "s", "mm": "mm", "mnm": "mN m",
@@ -75,6 +76,8 @@ class NameMeaning:
 def meaning(name: str) -> NameMeaning:
     """Reads a stem or a name such as `q_des_deg{}`."""
     words = words_in(name)
+    if "from" in words and any(word in _QUANTITY_OF for word in words[: words.index("from")]):
+        words = words[: words.index("from")]  # torquesFromCurrentMeasurement
     quantities = [_QUANTITY_OF[word] for word in words if word in _QUANTITY_OF]
     if "qd" in words and {"actual", "target"} & set(words):  # UR's RTDE; alone it may be a desired position
         quantities.append("velocity")

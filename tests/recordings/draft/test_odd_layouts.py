@@ -94,3 +94,24 @@ def test_torques_of_the_other_sign_are_asked_for(tmp_path: Path, effort: Effort)
     assert all(formula.startswith("-") for formula in draft.channels[name]["effort"]["formula"])
     (question,) = draft.questions  # the model answers all others
     assert question.startswith(f"channels.{name}.effort: does the log give the reaction")
+
+
+def test_columns_named_as_joints_are_their_positions_if_that_is_so(tmp_path: Path) -> None:
+    names = ["time", *(f"panda_joint{k}" for k in range(1, COUNT + 1)), "panda_gripper"]
+    table = np.column_stack([TIME, POSITION, np.full(len(TIME), 100.0)])
+    path = tmp_path / "recorded.csv"  # as Baxter's joint_recorder writes it
+    np.savetxt(path, table, delimiter=",", header=",".join(names), comments="", fmt="%.6f")
+    draft = draft_mapping([path], PANDA.urdf.read_text(), str(PANDA.urdf), Effort.none)
+    assert any("named as joints their positions" in question for question in draft.questions)
+    assert list(draft.sources["states"]["columns"].values()) == names[1:-1]
+    with pytest.raises(InputError, match="URDF by --urdf if columns are called as its joints"):
+        draft_mapping([path], None, None, Effort.none)
+
+
+def test_torques_of_solo_are_the_measured_ones(tmp_path: Path) -> None:
+    arrays = {"q_mes": POSITION, "tau_ff": TORQUE, "torquesFromCurrentMeasurment": TORQUE, "tstamps": TIME}
+    np.savez(tmp_path / "solo.npz", **arrays)
+    draft = draft_mapping([tmp_path / "solo.npz"], None, None, Effort.drive)
+    columns = draft.sources["states"]["columns"].values()
+    assert set(columns) == {"q_mes", "torquesFromCurrentMeasurment"}  # tau_ff is what was fed forward
+    assert draft.sources["states"]["time"]["column"] == "tstamps"

@@ -13,7 +13,7 @@ import numpy as np
 
 from samrl_core.common.errors import InputError
 from samrl_ros.log_import.draft.blocks import LogBlock, LogPart, read_parts
-from samrl_ros.log_import.draft.column_names import NameMeaning, meaning, words_in
+from samrl_ros.log_import.draft.column_names import SLOT, NameMeaning, meaning, words_in
 from samrl_ros.log_import.draft.guess import Draft, Effort
 from samrl_ros.log_import.draft.joints.arm_messages import (
     ARM_MESSAGES,
@@ -270,6 +270,9 @@ def _measured_position(found: list[NamedBlock], joints: Sequence[str], draft: Dr
     if not wanted:
         wanted = [c for c in found if words_in(c.block.stem)[:1] in (["q"], ["qm"], ["qj"], ["joint"], ["x"])]
         reason = "named as positions often are"
+    if not wanted and joints:  # Baxter's joint_recorder: time,left_s0,left_s1,...
+        wanted = [c for c in found if c.block.stem == SLOT and set(c.block.labels) <= set(joints)]
+        reason = "its columns are named as the URDF's joints are"
     if not wanted:
         wanted = [c for c in found if c.meaning.quantity == "velocity" and not c.meaning.computed]
         wanted = [c for c in wanted if not c.meaning.commanded]
@@ -294,6 +297,10 @@ def _measured_position(found: list[NamedBlock], joints: Sequence[str], draft: Dr
         others = list(dict.fromkeys(map(name_of, rivals)))
         more = f" or {len(others) - _NAMED} more" if len(others) > _NAMED else ""
         question = f"is {name_of(best)} the joint's position, and not {' or '.join(others[:_NAMED])}{more}?"
+    elif best.block.stem == SLOT:
+        question = (
+            "are the columns that are named as joints their positions, and not speeds, torques or goals?"
+        )
     elif reason not in ("", "the name says position"):
         question = f"is {name_of(best)} the measured position?"
     if reason or question:

@@ -34,4 +34,7 @@ def nothing_measured(found: Sequence[NamedBlock]) -> str:
     shown = ", ".join(columns[:_SHOWN]) + (", ..." if len(columns) > _SHOWN else "")
     if all(name.isdecimal() for c in found for name in c.block.columns):
         return f"{shown} have no names; name the columns in a first line, such as time,q1,q2,tau1,tau2"
-    return f"no measured position was found among {shown}; write the mapping by hand"
+    return (
+        f"no measured position was found among {shown}; write the mapping by hand, or name the robot's"
+        " URDF by --urdf if columns are called as its joints are"
+    )

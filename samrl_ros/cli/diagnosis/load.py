@@ -153,10 +153,16 @@ def _load_arms(
     drafted += "" if options.effort is Effort.ask else f" --effort {options.effort.value}"
     notes: list[str] = []
     groups: list[list[tuple[ArmRecording, ...]]] = []
+    all_paths = [*fit_paths, *held_paths]
+    apart = len({path.stem for path in all_paths}) == 1 < len({path.parent.name for path in all_paths})
+    apart &= len({path.parent.name for path in all_paths}) == len(all_paths)
     for paths in (fit_paths, held_paths):
         group = []
         for path in paths:
             recordings, more = read_log(path, urdf, tolerances, options.effort, drafted)
+            if apart:  # a folder each, under one name
+                recordings = tuple(replace(each, name=path.parent.name) for each in recordings)
+                more = [note.replace(path.name, f"{path.parent.name}/{path.name}", 1) for note in more]
             group.append(recordings)
             notes += more
         groups.append(group)

@@ -9,7 +9,10 @@ import pytest
 
 from samrl_core.cell.types.arm_description import ArmDescription
 from samrl_core.common.errors import InputError
+from samrl_core.diagnosis.nominal_model.read_model import read_model
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
+from samrl_ros.cli.diagnosis.load import load
+from samrl_ros.cli.diagnosis.options import DiagnoseOptions
 from samrl_ros.log_import.any_importer import import_logs_by
 from samrl_ros.log_import.devices import data_folder
 from samrl_ros.log_import.draft.guess import Draft, Effort
@@ -59,6 +62,17 @@ def test_each_folder_is_a_run_of_its_own(tmp_path: Path, by_folder: bool) -> Non
     (tmp_path / "log" / "pendulum.urdf").write_text(PENDULUM)
     made = import_logs_by(mapping, data_folder(draft, given[0]), (), (), None).made
     assert [len(each.recording.states.time) for each in made] == [800, 800]
+
+
+def test_one_step_calls_them_by_their_folders(tmp_path: Path) -> None:
+    runs(tmp_path / "log", "143339", "143704", "150101")
+    (tmp_path / "pendulum.urdf").write_text(PENDULUM)
+    model = read_model(tmp_path / "pendulum.urdf")
+    options = DiagnoseOptions((tmp_path / "log",), urdf=tmp_path / "pendulum.urdf", effort=Effort.drive)
+    fit, held_out, notes = load(options, model)
+    assert [each.name for each in fit] == ["143339", "143704"]
+    assert [each.name for each in held_out] == ["150101"]
+    assert any(note.startswith("143704/trajectory.csv: ") for note in notes)
 
 
 def test_a_folder_of_folders_with_other_files_is_no_log(tmp_path: Path) -> None:

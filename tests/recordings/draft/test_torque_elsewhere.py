@@ -68,3 +68,12 @@ def test_a_source_that_is_not_there_is_named(tmp_path: Path) -> None:
     (tmp_path / "mapping.yaml").write_text(text)
     with pytest.raises(InputError, match="effort.source is 'torques'; sources are"):
         import_logs_by(tmp_path / "mapping.yaml", tmp_path, (), (), None)
+
+
+def test_a_force_beside_one_joint_without_a_label_is_asked_for(tmp_path: Path) -> None:
+    paths = [
+        write(tmp_path / "pendulum.csv", "angle_rad", TIME, Q[:, :1]),
+        write(tmp_path / "pusher.csv", "force_Nm", TIME, Q[:, 1:]),
+    ]
+    draft = draft_mapping(paths, None, None, Effort.drive)
+    assert any("what drives this joint?" in question for question in draft.questions)

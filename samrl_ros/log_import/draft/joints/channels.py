@@ -239,6 +239,9 @@ def add_effort(
     if best.part is not position.part:
         source = "effort"
         add_source(best.part, source, draft)
+        if order == [""]:  # one joint without a label: any force beside it would do
+            where = f"channels.{'states' if link else 'commanded_effort'}.effort"
+            draft.note(where, "of another file or topic", f"is {name_of(best)} what drives this joint?")
     quantity = quantity_of(best, order, unit, draft, source)
     if best.part.kind in ARM_MESSAGES and ARM_MESSAGES[best.part.kind].reaction:
         with_minus(quantity)

@@ -37,12 +37,23 @@ def part_that_follows(motion: RecordedMotion, terms: np.ndarray) -> np.ndarray:
     out = np.empty_like(terms)
     for j in range(motion.joints):
         signals = _lagged(full[:, :, j], motion.rate)
-        seen = motion.reduce(signals)
-        size = np.maximum(np.sqrt(np.mean(seen**2, axis=0)), 1e-300)
-        wanted = motion.reduce(terms[:, :, j].T)
-        weights = np.linalg.lstsq(seen / size, wanted, rcond=ALIKE)[0]
-        out[:, :, j] = ((signals / size) @ weights).T
+        weights = _weights(motion.reduce(signals), motion.reduce(terms[:, :, j].T))
+        out[:, :, j] = (signals @ weights).T
     return out
+
+
+def span_of_command(motion: RecordedMotion, joint: int) -> np.ndarray:
+    """Orthonormal signals (N, S) that span what the command of a joint foretells within the band."""
+    seen = motion.reduce(_lagged(_signals_of_command(motion)[:, :, joint], motion.rate))
+    size = np.maximum(np.sqrt(np.mean(seen**2, axis=0)), 1e-300)
+    basis, values, _ = np.linalg.svd(seen / size, full_matrices=False)
+    return np.asarray(basis[:, values > ALIKE * values[0]])
+
+
+def _weights(seen: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Of signals (N, S), so that they are nearest to others (N, K); (S, K)."""
+    size = np.maximum(np.sqrt(np.mean(seen**2, axis=0)), 1e-300)
+    return np.asarray(np.linalg.lstsq(seen / size, wanted, rcond=ALIKE)[0] / size[:, None])
 
 
 def _signals_of_command(motion: RecordedMotion) -> np.ndarray:

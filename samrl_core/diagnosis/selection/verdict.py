@@ -270,7 +270,8 @@ def unconfirmed(
     """
     most = max(selection.excess, selection.held_out_excess)
     # So much evidence is in the recordings, whoever is wrong about its cause: tolerances do not explain it.
-    clear = named.gain > settings.clearly * selection.threshold
+    # Where nothing at all exceeds noise, it is what laws that undo each other find within noise.
+    clear = named.gain > settings.clearly * selection.threshold and most >= settings.shown
     if not refused.contradicted or most >= settings.no_gap or clear:
         return None
     return Decision(

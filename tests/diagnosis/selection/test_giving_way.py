@@ -187,3 +187,8 @@ def test_a_gap_of_much_evidence_is_none_of_mine_when_its_cause_is_denied() -> No
         named = cast("NamedEffect", SimpleNamespace(name="encoder_eccentricity@joint:x", gain=gain))
         found = unconfirmed(refused, chosen, named, VerdictSettings())
         assert (None if found is None else found.verdict) == verdict
+    # A gantry with nothing wrong: laws that undo each other won 137 nat where nothing exceeds noise.
+    named = cast("NamedEffect", SimpleNamespace(name="command_low_pass@arm:x", gain=137.0))
+    within = replace(chosen, excess=2.0, held_out_excess=0.0)
+    found = unconfirmed(refused, within, named, VerdictSettings())
+    assert found is not None and found.verdict == "no_gap"

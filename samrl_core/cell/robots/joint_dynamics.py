@@ -1,7 +1,7 @@
-"""What a URDF says of a joint's drive: `<dynamics friction="" damping="" armature="">`, all zero by default.
+"""What a URDF says of a joint in `<dynamics friction damping armature stiffness springref>`; zero by default.
 
-`armature` is no attribute of URDF; readers that do not know it pass it over. A model converted to URDF keeps
-its rotor inertia there.
+The last three are no attributes of URDF; readers that do not know them pass them over. A model converted to
+URDF keeps its rotor inertia and its springs there.
 """
 
 from __future__ import annotations
@@ -17,11 +17,13 @@ from samrl_core.cell.types.arm_description import ArmDescription
 
 @dataclass(frozen=True, eq=False)
 class JointDynamics:
-    """Nominal losses and rotor inertia of an arm's joints, in its order; arrays are not to be changed."""
+    """Nominal losses, rotors and springs of an arm's joints, in its order; arrays are not to be changed."""
 
     friction: np.ndarray  # (J,) Coulomb level [N m or N]
     damping: np.ndarray  # (J,) [N m s/rad or N s/m]
     armature: np.ndarray  # (J,) rotor inertia seen at the joint [kg m2 or kg]
+    stiffness: np.ndarray  # (J,) of a spring at the link [N m/rad or N/m]
+    spring_rest: np.ndarray  # (J,) where it pulls nothing [rad or m]
 
 
 def joint_dynamics(arm: ArmDescription) -> JointDynamics:
@@ -30,17 +32,17 @@ def joint_dynamics(arm: ArmDescription) -> JointDynamics:
     Raises:
         InputError: as `parse_urdf`.
     """
-    rows = np.zeros((len(arm.joints), 3)) if arm.urdf is None else _of_text(arm.urdf, arm.joints)
+    rows = np.zeros((len(arm.joints), len(_KEYS))) if arm.urdf is None else _of_text(arm.urdf, arm.joints)
     armature = rows[:, 2]
     if arm.controller is not None and arm.controller.armature is not None:
         armature = np.asarray(arm.controller.armature, dtype=float)
-    return JointDynamics(rows[:, 0], rows[:, 1], armature)
+    return JointDynamics(rows[:, 0], rows[:, 1], armature, rows[:, 3], rows[:, 4])
 
 
 @lru_cache(maxsize=16)
 def _of_text(urdf: str, joints: tuple[str, ...]) -> np.ndarray:
-    """(J, 3) friction, damping, armature."""
-    rows = np.zeros((len(joints), 3))
+    """(J, 5) as `_KEYS`."""
+    rows = np.zeros((len(joints), len(_KEYS)))
     for joint in parse_urdf(urdf, "the URDF").findall("joint"):
         name, dynamics = joint.get("name"), joint.find("dynamics")
         if name in joints and dynamics is not None:
@@ -49,4 +51,4 @@ def _of_text(urdf: str, joints: tuple[str, ...]) -> np.ndarray:
     return rows
 
 
-_KEYS = ("friction", "damping", "armature")
+_KEYS = ("friction", "damping", "armature", "stiffness", "springref")

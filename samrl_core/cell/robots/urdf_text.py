@@ -115,10 +115,11 @@ def _check_joint(joint: ElementTree.Element, where: str) -> None:
                 f"{where}: axis {axis.get('xyz')!r} has no length; write a direction, as in '0 0 1'"
             )
     for dynamics in joint.findall("dynamics"):
-        for name in ("friction", "damping", "armature"):
+        for name in ("friction", "damping", "armature", "stiffness"):
             for value in _numbers(dynamics, name, 1, where, _LIMITS["effort"]):
                 if value < 0:
                     raise InputError(f"{where}: {name} is {value:g}, must be zero or more; mend the URDF")
+        _numbers(dynamics, "springref", 1, where, MOST_LENGTH)
     for limit in joint.findall("limit"):
         found = {name: _numbers(limit, name, 1, where, most) for name, most in _LIMITS.items()}
         if found["lower"] and found["upper"] and found["lower"] > found["upper"]:

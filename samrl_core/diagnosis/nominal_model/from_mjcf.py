@@ -266,14 +266,13 @@ class _Tree:
                 f'<axis xyz="{_text(m.jnt_axis[index])}"/>',
                 f'<limit {span}effort="{_text(effort if np.isfinite(effort) else 0.0)}" velocity="0"/>',
                 f'<dynamics friction="{_text(m.dof_frictionloss[dof])}" damping="{_text(m.dof_damping[dof])}"'
-                f' armature="{_text(m.dof_armature[dof])}"/>',
+                f' armature="{_text(m.dof_armature[dof])}" stiffness="{_text(m.jnt_stiffness[index])}"'
+                f' springref="{_text(m.qpos_spring[m.jnt_qposadr[index]])}"/>',
             ]
             if np.any(m.dof_dampingpoly[dof]):
                 self.notes.append(f"{name}: damping of higher order is not in the nominal model")
-            if m.jnt_stiffness[index] > 0:
-                self.notes.append(
-                    f"{name}: its spring of {m.jnt_stiffness[index]:g} N m/rad is not in the nominal model"
-                )
+            if np.any(m.jnt_stiffnesspoly[index]):
+                self.notes.append(f"{name}: stiffness of higher order is not in the nominal model")
         self.parts += [f'<joint name={quoteattr(name)} type="{kind}">', *lines, "</joint>"]
 
     def _read_actuators(self) -> None:

@@ -30,6 +30,7 @@ FLOOR_WIDTHS = (0.0015, 0.003, 0.006, 0.012, 0.025, 0.05, 0.1)  # [rad/s] of the
 OF_A_WIDTH = 0.45  # of the tolerated friction, each: any one of them may be most of it
 AHEAD_S = 0.009  # of stated friction: MuJoCo's default solreffriction of 0.02 s at impedance 0.9
 COMPLIANCE = 1e-4  # [rad] twist at the effort limit: no joint is quite rigid
+SPRING = 0.02  # relative, of a stated spring: as a rotor's inertia
 OFFSET_TRACKING = 0.003  # [rad] calibration of a reading against a command
 
 
@@ -86,6 +87,10 @@ def _tolerances(trial: Trial, widened: float) -> list[tuple[Columns, float, floa
         if trial.rotor[j] > 0:
             rotor = motion.sure_acceleration[:, j][None]
             out.append((trial.drive(j, rotor), tolerances.armature * trial.rotor[j], None))
+        if rigid.spring_stiffness[j] != 0:
+            pull = np.zeros((1, len(trial), trial.joints))
+            pull[0, :, j] = rigid.spring_torque(motion.q)[:, j]
+            out.append((trial.link(pull), SPRING, None))
     others: list[tuple[Columns, float]] = []
     if {"link", "dynamics"} & set(trial.channels):
         others += _bodies(trial, tolerances)

@@ -218,7 +218,8 @@ class Trial(Observed):
         axes = np.eye(3)[:2]
         # Gravity seen from a base rotated by a small angle about an axis: g - angle * axis x g. Gravity
         # torques are linear in gravity, so a unit angle is evaluated exactly.
-        return np.stack([self.rigid.inverse_dynamics(q, zero, zero, -np.cross(axis, g)) for axis in axes])
+        turned = [self.rigid.inverse_dynamics(q, zero, zero, -np.cross(axis, g)) for axis in axes]
+        return np.stack(turned) - self.rigid.spring_torque(q)
 
     @cached_property
     def model_torque(self) -> np.ndarray:

@@ -78,6 +78,7 @@ def pack(
         values["rotor_inertia"] = values["rotor_inertia"] + nominal.armature
         values["coulomb"] = values["coulomb"] + nominal.friction
         values["viscous"] = values["viscous"] + nominal.damping
+        values["cable_stiffness"], values["cable_rest"] = _springs(plant, rigid)
         if (low := values["rotor_inertia"]).min() < 0:
             raise InputError(f"rotor inertia {low} kg m2, nominal armature included, must not be negative")
         slack = values["backlash"] > 0
@@ -145,6 +146,11 @@ def unpack_gradient(
         cutoff = plant.joint_values(name, joints)
         rate = 2.0 * np.pi * step_s
         out[name] = arm_order(params[mount:, slot]) * rate * np.exp(-rate * cutoff)
+    total, rest = _springs(plant, rigid)
+    share = np.divide(out["cable_rest"], total, out=np.zeros(joints), where=total != 0)
+    cable = plant.joint_values("cable_stiffness", joints)
+    out["cable_stiffness"] += share * (plant.joint_values("cable_rest", joints) - rest)
+    out["cable_rest"] = np.where(rigid.spring_stiffness != 0, share * cable, out["cable_rest"])
     out["inertial_delta"] = arm_order(inertia[mount:])
     to_joint = ten_to_frame(rigid.flange_in_joint.rotation, rigid.flange_in_joint.translation)
     out["payload"] = to_joint.T @ out["inertial_delta"][-1]
@@ -156,6 +162,16 @@ def unpack_gradient(
     ):
         out[name] = np.asarray(params[:mount, slot].sum())
     return out
+
+
+def _springs(plant: PlantParameters, rigid: RigidArm) -> tuple[np.ndarray, np.ndarray]:
+    """Stiffness and rest (J,) of the one spring that a plant's cable and the stated spring make together."""
+    joints = len(rigid.joints)
+    cable, rest = plant.joint_values("cable_stiffness", joints), plant.joint_values("cable_rest", joints)
+    total = cable + rigid.spring_stiffness
+    moment = cable * rest + rigid.spring_stiffness * rigid.spring_rest
+    together = (rigid.spring_stiffness != 0) & (total != 0)
+    return total, np.where(together, moment / np.where(together, total, 1.0), rest)
 
 
 def ten_to_frame(rotation: np.ndarray, translation: np.ndarray) -> np.ndarray:

@@ -7,13 +7,16 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from samrl_core.cell.robots.joint_dynamics import joint_dynamics
 from samrl_core.cell.robots.urdf_text import parse_urdf, with_world
 from samrl_core.cell.types.arm_description import STANDARD_GRAVITY, ArmDescription, NominalTool
 from samrl_core.common.errors import InputError
 
 
 class RigidArm:
-    """Joints q (N, J) [rad or m], dq, ddq to torques (N, J) [N m or N]; rotor inertia is not included.
+    """Joints q (N, J) [rad or m], dq, ddq to torques (N, J) [N m or N], those of stated springs among them.
+
+    Rotor inertia and friction are not included.
 
     Joints of the URDF that the description does not list are locked at zero. Inertial parameters of a link
     are Pinocchio's ten: m [kg], m c (3) [kg m], then Ixx Ixy Iyy Ixz Iyz Izz [kg m2] about the joint's frame.
@@ -54,6 +57,8 @@ class RigidArm:
             add_tool(model, self.flange_joint, self.flange_in_joint, arm.tool)
         self.data: Any = model.createData()
         self.links = tuple(_link_of(model, i) for i in ids)
+        stated = joint_dynamics(arm)
+        self.spring_stiffness, self.spring_rest = stated.stiffness, stated.spring_rest  # (J,)
 
     @property
     def gravity_vector(self) -> np.ndarray:
@@ -95,7 +100,11 @@ class RigidArm:
         for k in range(len(q)):
             out[k] = pin.rnea(model, data, qs[k], v[k], a[k])[self._v_index]
         model.gravity.linear = kept
-        return out
+        return out + self.spring_torque(q)
+
+    def spring_torque(self, q: np.ndarray) -> np.ndarray:
+        """Torques (N, J) that hold stated springs at joint positions (N, J)."""
+        return self.spring_stiffness * (np.asarray(q, dtype=float) - self.spring_rest)
 
     def gravity(self, q: np.ndarray) -> np.ndarray:
         """Gravity torques (N, J)."""
@@ -133,7 +142,7 @@ class RigidArm:
         for k in range(len(q)):
             pin.computeRNEADerivatives(self.model, self.data, qs[k], v[k], a[k])
             out[k] = np.array(self.data.dtau_dq)[index]
-        return out
+        return out + np.diag(self.spring_stiffness)
 
     def base_reaction(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What the arm does to its base, and what the base does to the arm.

@@ -38,7 +38,13 @@ class Cable(Effect):
     curve_over = "position"
     confounded_with = ("position_dependent_friction", "payload", "encoder_offset")
     parameters = (
-        Parameter("k", "N m/rad", 0.05, 3.0, "stiffness, of a slack cable where it gets taut"),
+        Parameter(
+            "k",
+            "N m/rad",
+            0.05,
+            3.0,
+            "stiffness beyond a stated spring's, of a slack cable where it gets taut",
+        ),
         Parameter("q0", "rad", -3.2, 3.2, "rest position, or middle of the slack", bounded=False),
         Parameter("h", "N m", 0.0, 0.5, "half height of the loop"),
         Parameter("c", "N m/rad2", 0.0, 10.0, "by which a slack cable hardens", bounded=False),
@@ -95,18 +101,23 @@ class CableForm(Form):
         scale = trial.scale[self.joint]
         return np.zeros(3), np.array([0.05 * scale, 0.05 * scale, 0.01 * scale])
 
-    def is_spring(self, torque: np.ndarray, amplitudes: np.ndarray) -> bool:
-        """Whether the spring's torque (N,) pulls, and changes enough beside the hysteresis.
+    def stated(self, trial: Trial) -> float:
+        """Stiffness [N m/rad] of the joint's spring in the model: the softest that it may be less."""
+        return 0.0 if trial.rigid is None else float(trial.rigid.spring_stiffness[self.joint])
+
+    def is_spring(self, trial: Trial, torque: np.ndarray, amplitudes: np.ndarray) -> bool:
+        """Whether the joint's spring pulls, this torque (N,) changing enough beside the hysteresis.
 
         Hysteresis without a spring is dry friction under another name.
         """
-        return bool(amplitudes[0] > 0 and float(np.ptp(torque)) > LEAST_PULL * abs(amplitudes[2]))
+        pulls = amplitudes[0] > -self.stated(trial)
+        return bool(pulls and float(np.ptp(torque)) > LEAST_PULL * abs(amplitudes[2]))
 
     def simulate_spring(
         self, trial: Trial, stiffness: float, constant: float, hysteresis: float
     ) -> PlantFields | None:
         """Fields of the simulator's cable, which is straight."""
-        if stiffness <= 0:
+        if stiffness == 0 or stiffness <= -self.stated(trial):
             return None
         return {
             "cable_stiffness": self.at_joints(trial, stiffness),
@@ -123,7 +134,7 @@ class StraightCable(CableForm):
         return np.stack([q, -np.ones(len(q))])
 
     def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
-        return self.is_spring(amplitudes[:2] @ self.pull(trial, shape), amplitudes)
+        return self.is_spring(trial, amplitudes[:2] @ self.pull(trial, shape), amplitudes)
 
     def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
         k, second, h = (float(a) for a in amplitudes)
@@ -147,7 +158,7 @@ class SlackCable(CableForm):
         # Felt on one side only, it may as well be a stop: a cable is known by both.
         if min(sides) < LEAST_TAUT * sum(sides) or min(amplitudes[:2]) <= 0:
             return False
-        return self.is_spring(torque, amplitudes)
+        return self.is_spring(trial, torque, amplitudes)
 
     def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
         k, c, h = (float(a) for a in amplitudes)

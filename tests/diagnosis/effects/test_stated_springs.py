@@ -113,7 +113,9 @@ def test_a_negative_spring_is_refused_with_its_joint() -> None:
         joint_dynamics(replace(worlds.arm(), urdf=stated(-1.0)))
 
 
-@pytest.mark.parametrize("said", [K, 3.0, 5.5])
+@pytest.mark.parametrize(
+    "said", [K, pytest.param(3.0, marks=pytest.mark.thorough), pytest.param(5.5, marks=pytest.mark.thorough)]
+)
 def test_a_stated_spring_is_no_cause_and_its_difference_is(said: float) -> None:
     """Also where the machine's spring is softer than the model's."""
     a, b, c = described(worlds.world(5, **TRUTH), stated(said))

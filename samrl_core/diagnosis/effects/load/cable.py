@@ -10,6 +10,7 @@ from samrl_core.diagnosis.effects.effect import Effect, Parameter, lacks_link_to
 from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.residuals.basis_functions import bristle
 from samrl_core.diagnosis.residuals.equations import Columns
+from samrl_core.diagnosis.residuals.nominal import SPRING
 from samrl_core.diagnosis.residuals.trial import Trial
 
 LEAST_TAUT = 0.05  # share of the squared pull on each side of the slack
@@ -110,8 +111,11 @@ class CableForm(Form):
 
         Hysteresis without a spring is dry friction under another name.
         """
-        pulls = amplitudes[0] > -self.stated(trial)
-        return bool(pulls and float(np.ptp(torque)) > LEAST_PULL * abs(amplitudes[2]))
+        stated, change = self.stated(trial), float(np.ptp(torque))
+        if stated > 0:  # of either sign: what is within its tolerance is no change, and no loop gives energy
+            beyond = abs(amplitudes[0]) > SPRING * stated and amplitudes[2] > -LEAST_PULL * change
+            return bool(beyond and amplitudes[0] > -stated and change > LEAST_PULL * abs(amplitudes[2]))
+        return bool(amplitudes[0] > 0 and change > LEAST_PULL * abs(amplitudes[2]))
 
     def simulate_spring(
         self, trial: Trial, stiffness: float, constant: float, hysteresis: float

@@ -130,7 +130,7 @@ def form_equations(motion: RecordedMotion) -> Equations:
     scale = scale_limits(arm, rigid, motion)
     share = np.sqrt(motion.band_share)
     rotor = armature(arm) * motion.ddq + motion.reduce(nominal_friction(arm, motion.sure_velocity))
-    model = rigid.inverse_dynamics(motion.q, motion.dq, motion.ddq)
+    model = rigid.inverse_dynamics(motion.q, motion.dq, motion.ddq) + _made_by_the_band(motion, rigid)
     link_noise = _acceleration_noise(motion, rigid)
     noise = motion.noise
     torque = u if u is not None else tau
@@ -184,6 +184,16 @@ def form_equations(motion: RecordedMotion) -> Equations:
         if motion.computed:
             sigma["dynamics"] = _past_wider(widen_at_edges(sigma["dynamics"], motion), motion, scale)
     return Equations(motion, residual, sigma, law, lag, model, color)
+
+
+def _made_by_the_band(motion: RecordedMotion, rigid: RigidArm) -> np.ndarray:
+    """Torque (N, J) within the band of motion beyond it: reduce(f(x)) - f(reduce(x)).
+
+    The recorded torque passes the band after the machine, which is not linear, has made it. A pendulum that
+    whips round has speeds above the band whose squares are below it.
+    """
+    whole = (motion.full_position, motion.full_velocity, motion.full_acceleration)
+    return motion.reduce(rigid.inverse_dynamics(*whole)) - rigid.inverse_dynamics(*map(motion.reduce, whole))
 
 
 def _color(

@@ -136,19 +136,12 @@ def _joint(w: MjcfWriter, j: int) -> None:
         )
     if c.changes("cable_stiffness", j):
         spring, rest = c.at("cable_stiffness", j), c.at("cable_rest", j)
-        if float(m.jnt_stiffness[index]) > 0:
-            w.say(
-                j,
-                "cable_stiffness",
-                MISSING,
-                "the joint has a spring already; two at one joint cannot be written",
-            )
-        else:
-            angle = np.rad2deg(rest) if _in_degrees(w) and int(m.jnt_type[index]) == 3 else rest
-            w.text.set(element, {"stiffness": number(spring), "springref": number(angle)})
-            w.say(
-                j, "cable_stiffness", EXACT, f"stiffness {spring:.4g} N m/rad about springref {rest:.4g} rad"
-            )
+        stated, at = float(m.jnt_stiffness[index]), float(m.qpos_spring[m.jnt_qposadr[index]])
+        if stated > 0:  # two springs at one joint are one
+            spring, rest = stated + spring, (stated * at + spring * rest) / (stated + spring)
+        angle = np.rad2deg(rest) if _in_degrees(w) and int(m.jnt_type[index]) == 3 else rest
+        w.text.set(element, {"stiffness": number(spring), "springref": number(angle)})
+        w.say(j, "cable_stiffness", EXACT, f"stiffness {spring:.4g} N m/rad about springref {rest:.4g} rad")
     if c.changes("effort_limit", j):
         limit = c.at("effort_limit", j)
         w.text.set(

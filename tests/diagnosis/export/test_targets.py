@@ -217,6 +217,15 @@ def test_a_servos_gain_bias_delay_and_filter_are_in_its_actuator(found: Correcti
     assert model.actuator_dynprm[0, 0] == pytest.approx(1 / (2 * np.pi * 10))
 
 
+def test_a_spring_and_what_it_lacked_are_one(found: Correction) -> None:
+    softer = changed(found, cable_stiffness={LIFT: -1.0}, cable_rest={LIFT: 0.5})
+    text = generated_mjcf(softer).replace('name="lift"', 'name="lift" stiffness="4" springref="0.2"', 1)
+    model = mujoco.MjModel.from_xml_string(to_mjcf(softer, text, None)[0])
+    j = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, "lift")
+    # 4 (q - 0.2) - (q - 0.5) = 3 (q - 0.1)
+    assert model.jnt_stiffness[j] == pytest.approx(3.0) and model.qpos_spring[j] == pytest.approx(0.1)
+
+
 def test_every_field_is_written_or_spoken_of(found: Correction) -> None:
     known = {
         *PLAIN,

@@ -393,6 +393,7 @@ def _rest_wider(
     resting = motion.reduce(np.exp(-((speed / slow) ** 2)))
     # Nor than its own filter leaves of a stop: that cuts off what does not stand out of noise.
     missed = np.abs(motion.dq - motion.reduce(speed))
+    missed = np.where(missed > 3.0 * np.sqrt(noise), missed, 0.0)  # what it cuts off besides is noise
     near = 1 + 2 * round(0.5 / (motion.band * motion.dt))
     unsure = np.hypot(slow, 2.0 * ndimage.maximum_filter1d(missed, near, axis=0))
     resting = np.maximum(resting, np.exp(-((motion.dq / unsure) ** 2)))

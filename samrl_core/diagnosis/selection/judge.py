@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
-from samrl_core.diagnosis.result import NamedEffect
+from samrl_core.diagnosis.result import HeldOutGap, NamedEffect
 from samrl_core.diagnosis.selection import verdict as rules
 from samrl_core.diagnosis.selection.confidence import estimates, probabilities
 from samrl_core.diagnosis.selection.foretelling import find_as_foretelling, is_denied_there
@@ -70,7 +70,7 @@ def judge_sets(
         one, contradicted = judge_set(likelihood, held, tried, settings, simulate, seed, progress, doubts)
         if (plainer := _plainer(likelihood, held, one)) is not None:
             simple, denied = judge_set(likelihood, held, plainer, settings, simulate, seed, progress, doubts)
-            if simple.outcome.verdict != "none_of_mine":
+            if simple.outcome.verdict != "none_of_mine" and comes_as_close(simple.far.gap, one.far.gap):
                 one, contradicted = simple, denied
         if one.outcome.verdict != "none_of_mine" and (nearest is None or _replaces(one, nearest)):
             return one
@@ -120,6 +120,17 @@ def _plainer(likelihood: Likelihood, held: Likelihood, one: Judged) -> Selection
             rest = tuple(f for f in (chosen, *selection.rivals) if f not in group)
             return with_chosen(likelihood, held, selection, fit, rest)
     return None
+
+
+def comes_as_close(one: HeldOutGap | None, other: HeldOutGap | None) -> bool:
+    """Whether held-out recordings come about as close with one set as with another, as far as they tell.
+
+    A friction that depends on the direction contains Coulomb's. Where it brings them much closer, its further
+    term is there.
+    """
+    if one is None or other is None or one.shrink is None or other.shrink is None:
+        return True
+    return one.shrink >= other.shrink - ABOUT
 
 
 def _replaces(one: Judged, nearest: Judged) -> bool:

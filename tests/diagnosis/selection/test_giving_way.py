@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 import pytest
 
+from samrl_core.diagnosis.result import HeldOutGap
 from samrl_core.diagnosis.selection import judge, selection
 from samrl_core.diagnosis.selection.contenders import contend
 from samrl_core.diagnosis.selection.how_far import HowFar
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
-from samrl_core.diagnosis.selection.judge import Judged, judge_sets
+from samrl_core.diagnosis.selection.judge import Judged, comes_as_close, judge_sets
 from samrl_core.diagnosis.selection.selection import Selection, SelectionSettings
 from samrl_core.diagnosis.selection.verdict import Decision, VerdictSettings, unconfirmed
 
@@ -192,3 +193,15 @@ def test_a_gap_of_much_evidence_is_none_of_mine_when_its_cause_is_denied() -> No
     within = replace(chosen, excess=2.0, held_out_excess=0.0)
     found = unconfirmed(refused, within, named, VerdictSettings())
     assert found is not None and found.verdict == "no_gap"
+
+
+def gap_shrunk_by(shrink: float | None) -> HeldOutGap:
+    """A gap on held-out recordings."""
+    return HeldOutGap("m", "1", 1.0, None, None, None, shrink, None, None, (), ())
+
+
+def test_a_term_that_held_out_recordings_need_is_not_left_out_for_a_plainer_family() -> None:
+    """Coulomb friction for one that depends on the direction brought them 58 % closer, that 90 %."""
+    assert not comes_as_close(gap_shrunk_by(0.58), gap_shrunk_by(0.90))
+    assert comes_as_close(gap_shrunk_by(0.88), gap_shrunk_by(0.90))
+    assert comes_as_close(gap_shrunk_by(None), gap_shrunk_by(0.90)) and comes_as_close(None, None)

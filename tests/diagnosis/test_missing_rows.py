@@ -71,3 +71,13 @@ def test_a_command_that_somebody_differenced_is_differenced_on_its_clock():
     assert np.abs(differenced - true).max() > 0.02 * size
     nearest = np.clip(np.round((found.time - command.time[0]) / step).astype(int), 0, len(true) - 1)
     assert np.abs(found.velocity - true[nearest]).max() < 0.01 * size
+
+
+def test_a_command_without_a_speed_is_given_none():
+    """Goals of a position servo: a damper that is told no speed would be told one."""
+    recording = worlds.world(3, "B")[0]
+    assert recording.command is not None
+    goals = replace(recording.command, velocity=None)
+    found = worlds.trials([replace(recording, command=goals)])[0].motion.command
+    assert found is not None and found.velocity is not None
+    assert not np.any(found.velocity)

@@ -123,7 +123,8 @@ class RecordedMotion(SignalBand):
         if command is None or len(command) < 2:
             return None
         speed = command.velocity
-        if command.position is not None and without_differences(command).velocity is None:
+        if speed is not None and without_differences(command).velocity is None:
+            assert command.position is not None
             # Somebody's differences over jittered stamps: off by as much as those steps are.
             speed = np.gradient(command.position, self._times(command.time, command.position).time, axis=0)
         position, velocity, effort = (

@@ -274,7 +274,7 @@ def _conclude(
         heatmap=grid,
         tiles=tile_gaps(likelihood, z, k, does),
         information={} if chosen is None else kind.information(likelihood, chosen),
-        least_sizes=_least_sizes(evidence, selection, outcome),
+        least_sizes=_least_sizes(evidence, selection, outcome, settings.verdict),
         timelines=timelines(likelihood, z, k, onsets, does),
         curves=tuple(c for c in curves if c is not None),
         tracked=track(evidence, chosen, unnamed, np.random.default_rng(settings.seed), kind.effects)
@@ -299,11 +299,16 @@ def _conclude(
     return kind.finish(diagnosis, likelihood.trials[0]), far
 
 
-def _least_sizes(evidence: Evidence, selection: Selection, outcome: rules.Decision) -> tuple[LeastSize, ...]:
+def _least_sizes(
+    evidence: Evidence, selection: Selection, outcome: rules.Decision, settings: rules.VerdictSettings
+) -> tuple[LeastSize, ...]:
     """From which sizes on recordings show effects: where nothing was found, and where that costs little."""
-    if outcome.verdict != "no_gap" and not evidence.likelihood.exact:
+    needed = selection.threshold
+    if outcome.verdict == "no_gap" and selection.chosen is not None:
+        needed *= settings.clearly  # held-out recordings do not show what less evidence speaks for
+    elif outcome.verdict != "no_gap" and not evidence.likelihood.exact:
         return ()
-    return tuple(least_sizes(evidence, selection.pool, selection.threshold))
+    return tuple(least_sizes(evidence, selection.pool, needed))
 
 
 def _version() -> str:

@@ -40,6 +40,13 @@ def test_what_stands_out_is_named_and_what_does_not_is_no_gap(monkeypatch: pytes
     hidden, _ = diagnose([a, b], [c], FRICTION)
     assert hidden.verdict == "no_gap" and not hidden.effects and not hidden.where and hidden.nearest is None
     assert "below the noise" in hidden.reasons[1] and shown.effects[0].name in hidden.reasons[1]
+    # What was not believed at that size is not said to be seen at a smaller one.
+    monkeypatch.undo()
+    sound, _ = diagnose(worlds.world(1)[:2], worlds.world(1)[2:], FRICTION)
+    least = [
+        {s.effect: s.stated[1] for s in d.least_sizes}["coulomb_friction@joint:lift"] for d in (hidden, sound)
+    ]
+    assert sound.verdict == "no_gap" and least[0] > 1.5 * least[1]
 
 
 def test_a_stand_needs_joints_enough_to_be_told_from_them() -> None:

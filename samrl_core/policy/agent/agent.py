@@ -193,12 +193,18 @@ class Agent:
         return self._touch is not None and self._touch.pressed_too_hard(observation)
 
     def plan_view(self, estimate: Estimate, observation: Observation) -> ViewChoice:
-        """Lines 5 to 15: the next view, or to stay; where the arms are is taken from the observation."""
+        """Lines 5 to 15: the next view, or to stay; where the arms are is taken from the observation.
+
+        An image in which the fit did not settle, as where a mask missed, is no reason to move: the next one
+        from here is likelier to tell. The second one in a row that views are planned by is.
+        """
         self._see_tip(observation)
+        unsettled = estimate.why_stopped == "iteration_limit"
+        by_chance, self._was_unsettled = unsettled and not self._was_unsettled, unsettled
         tool, camera = observation.tool_arm.position, observation.camera_arm.position
         if self.settings.strategy == "q":
             return self._view_ascent.plan(estimate, tool, camera)
-        if self._touch is not None and not self._view_would_help(estimate):
+        if self._touch is not None and (by_chance or not self._view_would_help(estimate)):
             return self._view_planner.plan(estimate, tool, camera, "fixed")
         return self._view_planner.plan(estimate, tool, camera, self.settings.strategy, self._view_rng)
 
@@ -271,6 +277,7 @@ class Agent:
         self._camera: Pose | None = None  # the same of the camera
         self._noted_contact = False
         self._updates = 0  # of the model in this episode
+        self._was_unsettled = False  # the estimate that the last view was planned by
 
     @property
     def _in_contact(self) -> bool:

@@ -145,6 +145,28 @@ def test_an_agent_that_only_looks_rests_its_camera_once_another_one_touches() ->
     assert looks._view_would_help(known(looks, 0.002))
 
 
+def test_one_image_that_the_fit_did_not_settle_in_moves_no_camera(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A mask that misses makes the hole unsure for once; the second time in a row the view is to blame."""
+    looks = Agent(Model(TASK, CELL), SETTINGS, verbs=("plan_view",))
+    planned: list[str] = []
+
+    def plan(estimate: Estimate, tool: Any, camera: Any, strategy: str, rng: Any = None) -> None:
+        planned.append(strategy)
+
+    monkeypatch.setitem(looks.__dict__, "_view_planner", SimpleNamespace(plan=plan))
+    monkeypatch.setattr(looks, "_see_tip", lambda image: None)
+    joints = SimpleNamespace(position=np.zeros(7))
+    image: Any = SimpleNamespace(tool_arm=joints, camera_arm=joints)
+    sure = known(looks, 0.002)
+    unsure = replace(sure, why_stopped="iteration_limit")
+    for estimate in (unsure, sure, unsure, unsure):
+        looks.plan_view(estimate, image)
+    assert planned == ["fixed", SETTINGS.strategy, "fixed", SETTINGS.strategy]
+    looks.begin_episode()
+    looks.plan_view(unsure, image)
+    assert planned[-1] == "fixed"
+
+
 def test_a_correction_that_is_not_known_exactly_makes_images_worth_less(agent: Agent) -> None:
     """A base that is known to 4 mm and 20 mrad, half a metre away, and the same known exactly."""
     bases = CELL.camera_base_in_world.inverse() @ CELL.tool_base_in_world

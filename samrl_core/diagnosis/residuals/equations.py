@@ -15,13 +15,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy import ndimage
 
 from samrl_core.cell.robots.joint_dynamics import joint_dynamics
 from samrl_core.cell.types.arm_description import HELD, ArmDescription
 from samrl_core.diagnosis.residuals.basis_functions import smooth_sign
 from samrl_core.diagnosis.residuals.motion import FAST_HZ, RecordedMotion
 from samrl_core.diagnosis.residuals.noise_color import NoiseColor
+from samrl_core.diagnosis.residuals.rest import widen_at_rest
 from samrl_core.diagnosis.residuals.rounding import rounding_noise, widen_at_edges, widen_where_held
 from samrl_core.diagnosis.residuals.signal_noise import sample_detail, unknown_acceleration, white_noise
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
@@ -31,8 +31,6 @@ UNITS = {"controller": "N m", "drive": "N m", "link": "N m", "dynamics": "N m", 
 RELATIVE_FLOOR = 0.02  # of a block's own residual: no formula of friction is right to better than this
 FRICTION_FLOOR = 0.05  # of the tolerated Coulomb friction
 TORQUE_FLOOR = 0.002  # of a joint's torque variation: sampling and filtering
-REST_SPEED = 0.004  # [rad/s] below it friction is whatever holds the arm, between its two bounds
-REST_SHARE = 0.01  # of the effort limit: how far friction at rest may be from any formula
 TIMING_RATE_HZ = 20.0  # below it moves are not followed, only what stays when they are over
 SETTLED = 1e-6  # [rad] travel of a command that rests
 SETTLING_S = 1.0  # ASSUMPTION: until a small servo has settled
@@ -165,7 +163,7 @@ def form_equations(motion: RecordedMotion) -> Equations:
         level = np.hypot(share * np.hypot(noise.commanded_effort, noise.effort), np.hypot(rotor_noise, floor))
         level = np.hypot(level, friction)
         color["drive"] = _color(motion, rotor_noise, level)
-        sigma["drive"] = _rest_wider(_spread(level, residual["drive"]), motion, scale, color["drive"])
+        sigma["drive"] = widen_at_rest(_spread(level, residual["drive"]), motion, scale, color["drive"])
     if tau is not None:
         residual["link"] = tau - model
         level = np.sqrt((share * noise.effort) ** 2 + link_noise**2 + floor**2)
@@ -179,7 +177,7 @@ def form_equations(motion: RecordedMotion) -> Equations:
         level = np.sqrt((share * noise.commanded_effort) ** 2 + moved**2 + floor**2 + friction**2)
         color["dynamics"] = _color(motion, moved, level)
         spread = _spread(level, residual["dynamics"])
-        sigma["dynamics"] = _rest_wider(spread, motion, scale, color["dynamics"])
+        sigma["dynamics"] = widen_at_rest(spread, motion, scale, color["dynamics"])
         sigma["dynamics"] = _unknown_wider(sigma["dynamics"], motion, rigid)
         if motion.computed:
             sigma["dynamics"] = _past_wider(widen_at_edges(sigma["dynamics"], motion), motion, scale)
@@ -376,33 +374,3 @@ def _spread(level: np.ndarray, residual: np.ndarray) -> np.ndarray:
     """Noise level (J,) as (N, J), with the relative floor of each block."""
     typical = np.sqrt(np.mean(residual**2, axis=0))
     return np.broadcast_to(np.hypot(level, RELATIVE_FLOOR * typical), residual.shape).copy()
-
-
-def _rest_wider(
-    sigma: np.ndarray, motion: RecordedMotion, scale: np.ndarray, color: NoiseColor
-) -> np.ndarray:
-    """Friction at rest is anything between its bounds: such samples say little about the drive.
-
-    Nor do those at which torque was switched: within a sample nobody knows when.
-    """
-    speed = motion.sure_velocity
-    # A speed tells rest no better than its noise allows, recorded or differenced.
-    recorded = motion.raw_velocity is not None
-    noise = motion.band_share * motion.noise.velocity**2 if recorded else motion.velocity_noise()
-    slow = np.hypot(REST_SPEED, 2.0 * np.sqrt(noise))
-    resting = motion.reduce(np.exp(-((speed / slow) ** 2)))
-    # Nor than its own filter leaves of a stop: that cuts off what does not stand out of noise.
-    missed = np.abs(motion.dq - motion.reduce(speed))
-    missed = np.where(missed > 3.0 * np.sqrt(noise), missed, 0.0)  # what it cuts off besides is noise
-    near = 1 + 2 * round(0.5 / (motion.band * motion.dt))
-    unsure = np.hypot(slow, 2.0 * ndimage.maximum_filter1d(missed, near, axis=0))
-    resting = np.maximum(resting, np.exp(-((motion.dq / unsure) ** 2)))
-    # Stated friction holds from one bound to the other, where its formula turns. It is slow: a filter that
-    # makes the noise of accelerations white would raise it above what is allowed here.
-    held = np.hypot(REST_SHARE * scale, 2.0 * joint_dynamics(motion.recording.arm).friction) * color.raised
-    sigma = np.hypot(sigma, held * np.clip(resting, 0.0, 1.0))
-    switched = np.abs(np.diff(motion.enabled, axis=0, prepend=motion.enabled[:1]))
-    if not np.any(switched):
-        return sigma
-    near = switched + np.roll(switched, 1, axis=0) + np.roll(switched, -1, axis=0)
-    return np.hypot(sigma, scale * np.abs(motion.reduce(near)))

@@ -49,7 +49,6 @@ class RecordedMotion(SignalBand):
         """Resample and filter; `start_s` is the time since the first recording's start (for slow drifts)."""
         self.recording, self.arm, self.start_s = recording, arm, start_s
         states = without_differences(recording.states)
-        self._stamps = states.time
         self._taken = sample_times(states.time, states.position, states.velocity)
         ticks = regular(states.time)
         period = float(np.median(np.diff(ticks)))
@@ -67,9 +66,8 @@ class RecordedMotion(SignalBand):
             for x in (states.position, states.velocity, states.effort)
         )
         position = self.raw_position
-        if position is None:
+        if position is None or states.position is None:
             raise ValueError(f"{recording.name} has no positions")
-        assert states.position is not None
         self.reading_step = quantum(states.position)  # (J,) of the log's own grid
         read = states.position[nearest(self._taken.time, self.time)]
         self.kept = np.diff(read, axis=0, prepend=np.nan) == 0.0  # (F, J) readings of the sample before
@@ -398,4 +396,5 @@ class RecordedMotion(SignalBand):
         return onto_grid(self._times(commanded.time, commanded.effort), commanded.effort, self.time)
 
     def _times(self, time: np.ndarray, values: np.ndarray) -> SampleTimes:
-        return self._taken if np.array_equal(time, self._stamps) else sample_times(time, values)
+        """When the samples of a channel were taken: with the states, where its stamps are theirs."""
+        return self._taken if np.array_equal(time, self.recording.states.time) else sample_times(time, values)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import sys
 import time
-from collections.abc import Callable
+from array import array
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -38,13 +40,30 @@ class NodeFigures:
     seen: float  # monotonic [s]
 
 
+class Marks:
+    """When the phases of an episode began, in 16 bytes each: a run of hours has a million of them."""
+
+    def __init__(self) -> None:
+        self._seconds = array("d")
+        self._names: list[str] = []
+
+    def __iter__(self) -> Iterator[tuple[float, str]]:
+        """Wall time since the episode was laid out [s] and a mark, in their order."""
+        return zip(self._seconds, self._names, strict=True)
+
+    def add(self, seconds: float, name: str) -> None:
+        """One more; its name is kept once, however often it comes."""
+        self._seconds.append(seconds)
+        self._names.append(sys.intern(name))
+
+
 @dataclass
 class Watch:
     """What has been seen so far; plain data."""
 
     outcomes: dict[int, Any] = field(default_factory=dict)
     wall_time_s: dict[int, float] = field(default_factory=dict)
-    marks: dict[int, list[tuple[float, str]]] = field(default_factory=dict)  # see `summary.summarise`
+    marks: dict[int, Marks] = field(default_factory=dict)  # see `summary.summarise`
     phase: str = ""
     phases: int = 0
     safety: str = ""
@@ -79,7 +98,7 @@ class Monitor:
         """`on_event` hears what people should, `on_figures` every node's diagnostics by its full name."""
         self.watch = Watch()
         self._on_figures = on_figures
-        self._marks: list[tuple[float, str]] = []  # of the present episode
+        self._marks = Marks()  # of the present episode
         self._on_event = on_event
         self._node = Node("monitor", namespace=NAMESPACE)
         self._executor = EventsExecutor()
@@ -169,14 +188,14 @@ class Monitor:
         self.excuse_progress()
         if message.data.startswith("episode "):
             self.watch.episode_since = time.monotonic()
-            self._marks = self.watch.marks.setdefault(int(message.data.split()[1]), [])
+            self._marks = self.watch.marks.setdefault(int(message.data.split()[1]), Marks())
         self._mark(message.data)
 
     def _on_nominal(self, message: Any) -> None:
         self._mark("move")
 
     def _mark(self, what: str) -> None:
-        self._marks.append((time.monotonic() - self.watch.episode_since, what))
+        self._marks.add(time.monotonic() - self.watch.episode_since, what)
 
     def _on_outcome(self, message: Any) -> None:
         now = time.monotonic()

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
@@ -51,7 +51,7 @@ def summarise(
     task: Task,
     settings: dict[str, Any],
     wall_time_s: dict[int, float],
-    marks: dict[int, list[tuple[float, str]]],
+    marks: Mapping[int, Iterable[tuple[float, str]]],
     error: str = "",
     incidents: Sequence[Incident] = (),
 ) -> dict[str, Any]:
@@ -83,7 +83,7 @@ def summarise(
     cell_instance = read_instance_file(sealed)["name"] if sealed.is_file() else None
     episodes: list[dict[str, Any]] = [
         _episode(number, topics, truth.get(number, {}), task, wall_time_s.get(number, float("nan")))
-        | {"marks": [[round(s, 4), what] for s, what in marks.get(number, [])]}
+        | {"marks": [[round(s, 4), what] for s, what in marks.get(number, ())]}
         for number, topics in sorted(messages.items())
         if topics[OUTCOME]
     ]

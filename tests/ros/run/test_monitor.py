@@ -37,3 +37,33 @@ def test_diagnostics_of_hours_take_no_memory() -> None:
     finally:
         stop_ros()
     assert grown < 300_000  # [bytes]; kept whole they were 5,000,000
+
+
+def test_phases_of_hours_take_little_memory() -> None:
+    """An action has about ten marks; a run of two hours has 50,000."""
+    from std_msgs.msg import String
+
+    from samrl_ros.cell.monitor import Monitor
+    from samrl_ros.hosting.host import start_ros, stop_ros
+
+    names = ("capture", "update", "plan", "move", "act")
+    start_ros([])
+    try:
+        monitor = Monitor()
+        tracemalloc.start()
+        for episode in range(10):
+            monitor._on_phase(String(data=f"episode {episode}"))
+            for mark in range(500):
+                # A message's text is a new one each time.
+                monitor._on_phase(String(data="".join(names[mark % 5])))
+        grown, _ = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        kept = {episode: list(marks) for episode, marks in monitor.watch.marks.items()}
+        monitor.close()
+    finally:
+        stop_ros()
+    assert {episode: len(marks) for episode, marks in kept.items()} == dict.fromkeys(range(10), 501)
+    assert [name for _, name in kept[3][:4]] == ["episode 3", "capture", "update", "plan"]
+    times = [time for time, _ in kept[3]]
+    assert times == sorted(times)
+    assert grown < 200_000  # [bytes]; kept as pairs they were 700,000

@@ -120,8 +120,7 @@ def view_information(
     rows, shift = sensitivity[near], -np.stack([gradient_u[near], gradient_v[near]], axis=-1)
     shared_by = noise.shared_by if middle.rim else noise.thin_shared_by
     weight = 1.0 / (shared_by * resolution * variance[near])  # along edges pixels fall with the side
-    information = np.einsum("kci,k,kcj->ij", rows, weight, rows, optimize=True)
-    cross = np.einsum("kci,k,kcj->ij", rows, weight, shift, optimize=True)
+    information, cross = weighted_product(rows, weight, rows), weighted_product(rows, weight, shift)
 
     # The fit does not know of the shift, so the shift goes into the parameters as an error ("considered",
     # not estimated: Bierman 1977): dv = I^-1 J_v^T W J_shift dshift.
@@ -215,8 +214,18 @@ def normal_equations(
     own = view.weight / view.weight.max(initial=1e-300)  # 1 / variance up to a factor
     size = np.sqrt((residual**2).sum(axis=-1) * own)
     weight = view.weight * np.minimum(1.0, outlier / np.maximum(size, 1e-12))
-    normal = np.einsum("kci,k,kcj->ij", rows, weight, rows, optimize=True)
+    normal = weighted_product(rows, weight, rows)
     return normal, np.einsum("kci,k,kc->i", rows, weight, residual)
+
+
+def weighted_product(rows: np.ndarray, weight: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Sum over k and c of rows (K, C, P), weight (K,) and others (K, C, Q), as (P, Q).
+
+    K is a number of pixels, another one in each image. `numpy.einsum` with `optimize` keeps what it works out
+    for each new shape, thousands of them.
+    """
+    weighted = (rows * weight[:, None, None]).reshape(-1, rows.shape[-1])
+    return weighted.T @ others.reshape(-1, others.shape[-1])
 
 
 def fused(

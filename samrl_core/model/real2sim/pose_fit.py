@@ -22,6 +22,7 @@ from samrl_core.model.real2sim.information import (
     ViewInformation,
     newton_step,
     view_information,
+    weighted_product,
     widened_belief,
 )
 from samrl_core.model.real2sim.misfit import Misfit, RealTarget
@@ -128,7 +129,7 @@ class PoseObjective:
         distance = np.linalg.norm(compared[used] - self._real.cloud[wanted], axis=1)
         weight = 1.0 / np.maximum(distance, _NEAR) / len(used)
         gradient = np.einsum("nc,ncp->p", moved.gradient[used], motion)
-        curvature = np.einsum("ncp,n,ncq->pq", motion, weight, motion, optimize=True)
+        curvature = weighted_product(motion, weight, motion)
         return Local(moved.value, gradient, curvature), self._renderer.pixel_motion(cloud[used], motion)
 
     def _belief(self, values: np.ndarray) -> Local:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import gc
+import sys
+
 import numpy as np
 import pytest
 
@@ -106,3 +109,25 @@ def test_forward_differences_agree_with_central_ones() -> None:
         for side in (True, False)
     ]
     np.testing.assert_allclose(np.diag(both[1]), np.diag(both[0]), rtol=0.2)
+
+
+def test_images_of_ever_new_sizes_leave_nothing_behind() -> None:
+    """A node of hours sees thousands of targets, each of another number of pixels."""
+
+    def disc(radius: float) -> TargetImage:
+        v, u = np.mgrid[0:96, 0:96] + 0.5
+        inside = (u - 48) ** 2 + (v - 48) ** 2 < radius**2
+        return TargetImage(inside[..., None] * np.full(3, 0.5), np.full(u.shape, 0.4), inside)
+
+    def look(radius: float) -> None:
+        view = view_information(lambda v: disc(radius + v[0]), np.zeros(1), np.full(1, 0.3), QUIET)
+        newton_step(view, disc(radius))
+
+    for number in range(60):  # some hundred blocks for numpy's own free lists
+        look(8.0 + 0.2 * number)
+    gc.collect()
+    before = sys.getallocatedblocks()
+    for number in range(60, 160):
+        look(8.0 + 0.2 * number)
+    gc.collect()
+    assert sys.getallocatedblocks() - before < 500  # 5,500 when something of each number of pixels was kept

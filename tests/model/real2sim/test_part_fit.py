@@ -133,7 +133,7 @@ def test_what_is_far_below_the_eye_and_how_far_depth_is_off_tell_nothing_of_the_
 
 
 def test_a_camera_believed_worse_forgets_faster(bench: Bench) -> None:
-    """Half a usual deviation would otherwise pass for knowledge of a camera that is off by centimetres."""
+    """What is known of it at one place would otherwise be relied on at another."""
     specs = TASK.parameters()
     known = replace(initial_estimate(bench.model), covariance=1e-8 * np.eye(27))
     usual = tuple(replace(p, scale=0.0025) if p.kind == "camera" else p for p in specs)
@@ -141,7 +141,7 @@ def test_a_camera_believed_worse_forgets_faster(bench: Bench) -> None:
         np.sqrt(seen_from_elsewhere(known, one, 0.1, 0.2, CameraErrors()).covariance[24, 24])
         for one in (usual, specs)
     )
-    assert there / here == pytest.approx(specs[24].scale / 0.0025, rel=1e-3)
+    assert there / here == pytest.approx(specs[24].scale / 0.0025, rel=0.02)
 
 
 def test_without_the_thread_nothing_is_fitted(bench: Bench) -> None:

@@ -2,8 +2,10 @@
 
 A pinhole image is rendered with the true focal lengths, principal point and a margin, and remapped through
 Brown's distortion alone, x' = x (1 + k1 r2 + k2 r4) + 2 p1 xy + p2 (r2 + 2 x2) and so on (Brown 1966; the
-model of OpenCV and of ROS's plumb_bob). Depths and labels are those of the nearest pixel: were the nominal
-image remapped through all of the lens, they would not move at all where it is off by less than half a pixel.
+model of OpenCV and of ROS's plumb_bob). Depth within a surface is that of the pixel's own ray, as a sensor
+measures it: taken from the nearest pixel it would not move at all where the lens is off by less than half of
+one, and at once by a whole one where it is off by more. At edges, where nobody mixes two surfaces, it is that
+of the nearest pixel, as labels are everywhere.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ from samrl_core.cell.instance.optics import Optics
 from samrl_core.cell.types.camera import Intrinsics
 from samrl_core.common.errors import InputError
 
+EDGE = 0.01  # difference of depth between neighbours that is an edge [m]
 MOST_MARGIN = 0.35  # of the image's size; a lens that needs more is none
 
 
@@ -60,5 +63,22 @@ class Lens:
         return cv2.remap(ideal, self._x, self._y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
 
     def nearest(self, ideal: np.ndarray) -> np.ndarray:
-        """Depths or labels (H, W), which no one mixes."""
+        """Labels (H, W), which no one mixes."""
         return ideal[self._row, self._column]
+
+    def depth(self, ideal: np.ndarray) -> np.ndarray:
+        """Depths (H, W) of an ideal image [m], between its pixels; NaN where there is none.
+
+        Between four pixels of one surface the inverse of depth is linear: exact for a plane.
+        """
+        height, width = ideal.shape
+        column = np.clip(np.floor(self._x).astype(np.intp), 0, width - 2)
+        row = np.clip(np.floor(self._y).astype(np.intp), 0, height - 2)
+        right, below = self._x - column, self._y - row
+        corners = np.stack([ideal[row + j, column + i] for j in (0, 1) for i in (0, 1)])
+        shares = np.stack(
+            [(1 - below) * (1 - right), (1 - below) * right, below * (1 - right), below * right]
+        )
+        between = 1.0 / np.sum(shares / corners, axis=0)
+        one_surface = np.ptp(corners, axis=0) < EDGE
+        return np.where(one_surface, between, self.nearest(ideal))

@@ -116,7 +116,7 @@ def test_what_a_true_lens_sees_becomes_what_was_described(numbers: dict[str, flo
     )
     lens = Lens(optics, LENS)
     color, depth = smooth(lens.ideal)
-    seen = Frame(0, lens.color(color), lens.nearest(depth), np.ones((128, 128), np.uint8))
+    seen = Frame(0, lens.color(color), lens.depth(depth), np.ones((128, 128), np.uint8))
     found = CellCorrection(numbers=numbers).frame(seen, LENS)
     wanted_color, wanted_depth = smooth(LENS)
     inner = (slice(20, -20), slice(20, -20))

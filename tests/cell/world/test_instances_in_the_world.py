@@ -6,6 +6,7 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -207,6 +208,38 @@ def test_a_lens_that_is_off_by_less_than_a_pixel_moves_depth_by_as_much(error: f
     seen = lens.nearest(ray)[0]
     wanted = (np.arange(k.width) + 0.5 - k.cx - error) / (1.01 * k.fx)
     np.testing.assert_allclose(seen, wanted, atol=1e-9)
+
+
+def test_depth_is_that_of_the_pixels_own_ray() -> None:
+    """A leaning plane through a strong lens: whole pixels would be off by half a millimetre."""
+    plain, k = instance_named("nominal", CELL).optics, CELL.intrinsics
+    lens = Lens(replace(plain, radial=np.array([-0.2, 0.0])), k)
+
+    def plane(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return 0.35 / (1.0 - 0.5 * x - 0.3 * y)
+
+    ideal = lens.ideal
+    u, v = np.meshgrid(np.arange(ideal.width) + 0.5, np.arange(ideal.height) + 0.5)
+    picture = plane((u - ideal.cx) / ideal.fx, (v - ideal.cy) / ideal.fy)
+    u, v = np.meshgrid(np.arange(k.width) + 0.5, np.arange(k.height) + 0.5)
+    seen = np.stack([(u - k.cx) / k.fx, (v - k.cy) / k.fy], axis=-1)
+    rays = cv2.undistortPoints(seen.reshape(-1, 1, 2), np.eye(3), np.array([-0.2, 0, 0, 0])).reshape(
+        seen.shape
+    )
+    wanted = plane(rays[..., 0], rays[..., 1])
+    assert np.abs(lens.nearest(picture) - wanted).max() > 5e-4, "no slope: the test shows nothing"
+    np.testing.assert_allclose(lens.depth(picture), wanted, atol=1e-5)
+
+
+def test_depth_at_an_edge_is_of_one_surface_or_the_other() -> None:
+    k = CELL.intrinsics
+    lens = Lens(replace(instance_named("nominal", CELL).optics, radial=np.array([-0.2, 0.0])), k)
+    step = np.where(np.arange(lens.ideal.width) < lens.ideal.width // 2, 0.3, 0.5)
+    picture = np.broadcast_to(step, (lens.ideal.height, lens.ideal.width)).copy()
+    picture[:8] = np.nan
+    found = lens.depth(picture)
+    assert np.isclose(found[np.isfinite(found)][:, None], [0.3, 0.5]).any(axis=1).all()
+    assert np.isnan(found[0]).all() and np.isfinite(found[20:]).all()
 
 
 def test_masks_miss_merge_and_invent_as_often_as_drawn() -> None:

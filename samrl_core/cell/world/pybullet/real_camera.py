@@ -72,7 +72,7 @@ class RealCamera:
         pictures = [self._bench.paint(self._tiny.render(pose), pose, shadows) for pose in exposures]
         mean = np.asarray(np.mean([p.color for p in pictures], axis=0, dtype=np.float32))
         color = self._errors.expose(self._lens.color(mean))
-        depth = self._errors.measure(rng, self._lens.nearest(pictures[0].depth))
+        depth = self._errors.measure(rng, self._lens.depth(pictures[0].depth))
         return Picture(color, depth, self._errors.segment(rng, self._lens.nearest(pictures[0].mask)))
 
     def exposures(self, middle: Pose, before: Pose, after: Pose) -> tuple[Pose, ...]:

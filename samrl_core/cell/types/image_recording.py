@@ -47,8 +47,9 @@ class ImageTolerances(StatedTolerances):
     outline: float = 1.0  # by which a segmenter's outlines lie outside of the true ones [px]
     outline_bend: float = 0.001  # of outlines, smooth over the image, per mode, as a fraction of the width
     brightness: float = 0.17  # of light and exposure together, as a fraction
-    paint: float = 0.06  # of the object's brightness against its CAD colour, 1 is white
-    table_paint: float = 0.2  # the same of the table: nobody states its colour, and it has grain and stains
+    tint: float = 0.09  # of the light's hue: red up and blue down, or both up and green down, as a fraction
+    paint: float = 0.06  # of each of the object's colours against its CAD colour, 1 is white
+    table_paint: float = 0.3  # of the table's grey and hue: nobody states them, and shadows lie on it
 
 
 @dataclass(frozen=True, eq=False)

@@ -105,6 +105,13 @@ class Form(ABC, Generic[T]):
         """Covariance (p, p) of amplitudes that recordings of this kind cannot tell, whatever their noise."""
         return np.zeros((len(self.amplitudes), len(self.amplitudes)))
 
+    def find_seen(self, trial: T, shape: Shape, amplitudes: np.ndarray) -> T:
+        """The recording with what it would still tell of an effect of that size, were there one: all of it.
+
+        A lamp that drives colours to white, for example, takes them out of the comparison.
+        """
+        return trial
+
     def is_admissible(self, trial: T, shape: Shape, amplitudes: np.ndarray) -> bool:
         """Whether amplitudes are physically possible (no negative friction, say)."""
         return True

@@ -7,7 +7,8 @@ decides: about every other error of that size is named. Beside it the same were 
 the bound by information: what lies between the two are tolerances, which their owner may know better.
 
 Where a shape stands beside an amplitude (where a payload's centre is), the size is that of the middle one of
-the shapes that are searched. What is there or not (a delay) has a shape for its size.
+the shapes that are searched. What is there or not (a delay) has a shape for its size. Where an effect of some
+size takes away what it would be seen by (light that drives colours to white), what is left must show it.
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ from samrl_core.diagnosis.result import LeastSize
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Hypothesis, hypothesis, implausible
 from samrl_core.diagnosis.selection.selection import SURELY, WIDE, SelectionSettings
 
+ROUNDS = 6  # in which a size grows as recordings tell less of it
+SAME = 0.01  # relative, of sizes that need no further round
 UNSEEN = 1e6  # times its spread before the data: an amplitude that recordings do not show at all
 
 
@@ -116,11 +119,29 @@ class _Sought:
         if name is None:
             return None
         least = float(_amplitudes(h, h.gram / self.evidence.correlation_time, self.threshold)[index])
-        ends = [self._value(h, name, end) for end in (-size * one, size * one, -least * one, least * one)]
+        sizes = [self._still_seen(h, index, end) for end in (-size, size)]
+        ends = [self._value(h, name, end * one) for end in (*sizes, -least, least)]
         larger = h.form.parameters(trial, h.shape, 2.0 * h.spread * one)[name]
         if abs(larger) < abs(there[name]):  # as a stiffness does
             ends = [ends[1], float("nan"), ends[3], float("nan")]
         return LeastSize(h.name, name, _unit(h, name), (ends[0], ends[1]), (ends[2], ends[3]))
+
+    def _still_seen(self, h: Hypothesis, index: int, size: float) -> float:
+        """A size (signed) that is seen by what recordings still tell where the effect is so large."""
+        trials, one = self.evidence.likelihood.trials, np.eye(len(h.spread))[index]
+        for _ in range(ROUNDS):
+            left = [h.form.find_seen(t, h.shape, size * one) for t in trials]
+            if all(a is b for a, b in zip(left, trials, strict=True)):
+                return size
+            evidence = Evidence(Likelihood(left), self.evidence.correlation_time)
+            there = hypothesis(evidence.likelihood, h.effect, h.form, h.shape)
+            if there is None:
+                return float("inf")
+            larger = float(_amplitudes(h, self._gram(evidence, there), self.threshold)[index])
+            if larger <= abs(size) * (1.0 + SAME):
+                return size
+            size = float(np.copysign(larger, size))
+        return size
 
     def _value(self, h: Hypothesis, name: str, amplitudes: np.ndarray) -> float:
         """A parameter; NaN where recordings do not show it, or it cannot be."""

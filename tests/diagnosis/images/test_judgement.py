@@ -45,6 +45,7 @@ def test_light_and_paint_are_tolerated_as_far_as_typical_cells_differ() -> None:
     stated = ImageTolerances()
     assert stated.brightness == pytest.approx(np.sqrt(3.0) * light.std(), rel=0.15)
     assert stated.paint == pytest.approx(np.sqrt(3.0) * paint.std(), rel=0.15)
+    assert stated.tint == pytest.approx(np.sqrt(3.0) * np.std([c.look.light_warmth for c in cells]), rel=0.15)
 
 
 @pytest.mark.thorough

@@ -9,6 +9,7 @@ import numpy as np
 from samrl_core.diagnosis.effects.effect import Effect, Parameter
 from samrl_core.diagnosis.effects.form import Form, Place, Shape
 from samrl_core.diagnosis.effects.image_forms import ImageColumns
+from samrl_core.diagnosis.residuals.images.colors import COLORS, find_driven_to_white
 from samrl_core.diagnosis.residuals.images.image_trial import ImageTrial
 
 
@@ -37,6 +38,15 @@ class Brightness(ImageColumns):
 
     def parameters(self, trial: ImageTrial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
         return {"g": float(np.expm1(amplitudes[0]))}
+
+    def find_seen(self, trial: ImageTrial, shape: Shape, amplitudes: np.ndarray) -> ImageTrial:
+        """Without the colours that so much light would drive to white."""
+        key = ("color", 0)
+        (expected,), on_object = trial.column("light")[key], trial.column("paint_object").get(key)
+        seen = expected * np.exp(trial.residual["color"][:, 0] / expected)
+        group = np.zeros(len(seen)) if on_object is None else np.any(on_object, axis=0, keepdims=True)[0]
+        rows = find_driven_to_white(seen.reshape(-1, COLORS), group[::COLORS], float(amplitudes[0]))
+        return trial.without("color", rows) if rows.any() else trial
 
 
 EFFECT = Lighting()

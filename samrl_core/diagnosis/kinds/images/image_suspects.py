@@ -17,6 +17,7 @@ SUSPECTS: tuple[tuple[str, tuple[str, ...], tuple[float, ...]], ...] = (
     (_MASKS, _OUTLINES, (2.0,)),
     (_MASKS, _OUTLINES, (2.0, 2.0)),
     ("depth lies beside colour", ("depth_shift",), (0.02, 0.02)),
+    ("the light has another hue, or the white balance is off", ("tint",), (0.2, 0.2)),
 )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -24,6 +25,7 @@ from samrl_core.diagnosis.residuals.phases import phases_of_speed
 
 DEPTH_NOISE_PER_Z2 = 0.08 / (447.0 * 0.05) * np.sqrt(0.5)  # [1/m] of neighbours, of a stereo camera's 0.08 px
 LINEARISED = 16  # frames of all fitted recordings, from which the point of linearisation is found
+UNTOLD = 1e4  # times its noise, of a row that tells nothing
 MOVING_RAD_S = 0.03  # of the camera or the tool in the image, below which nothing is said of clocks
 
 
@@ -174,6 +176,14 @@ class ImageTrial(Observed):
         """Columns (p, N) of a name of `SIZES`, in every channel that it moves."""
         found = {(c, 0): self._rows[c].columns[name] for c in self.channels if name in self._rows[c].columns}
         return {key: rows for key, rows in found.items() if np.any(rows)}
+
+    def without(self, channel: str, rows: np.ndarray) -> ImageTrial:
+        """The same recording, rows of a channel, as a mask (N,), so noisy that they tell nothing."""
+        out = copy(self)
+        out.__dict__.pop("sigma", None)
+        out.cached = {}
+        out._sigma = {**self._sigma, channel: np.where(rows, UNTOLD, 1.0) * self._sigma[channel]}
+        return out
 
     def added(self, *parts: tuple[float, str]) -> Columns:
         """Sums of columns of equal size, each times a factor."""

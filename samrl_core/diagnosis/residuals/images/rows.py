@@ -13,9 +13,9 @@ import cv2
 import numpy as np
 
 from samrl_core.diagnosis.residuals.images.bends import bend_modes
+from samrl_core.diagnosis.residuals.images.colors import COLORS, compare_colors
 from samrl_core.diagnosis.residuals.images.flows import Flows, flows, lens_flows
 from samrl_core.diagnosis.residuals.images.scene import OBJECT, STATIC, FrameGeometry, ImageScene
-from samrl_core.diagnosis.residuals.images.white import DARK, without_white
 
 TILES = 8  # along each side of the image
 LEAST_PIXELS = 12  # of a tile that is compared
@@ -37,7 +37,7 @@ OF_CHANNEL = {  # columns that are no flow, by channel
         "depth_nearest",
     ),
     "mask": ("outline_object", "outline_tip", "outline_bend"),
-    "color": ("light", "paint_object", "paint_static", "white_object", "white_static"),
+    "color": ("light", "tint", "paint_object", "paint_static", "white_object", "white_static"),
     "depth_noise": ("depth_noise",),
 }
 
@@ -184,12 +184,7 @@ def _depth_rows(
 
 
 def _color_rows(frame: ComparedFrame, model: np.ndarray, inside: dict[int, np.ndarray]) -> Rows:
-    """Brightness of a surface in a tile against the model's: e log(seen / e) for e expected.
-
-    Twice the light shows twice the paint as well: light adds to the logarithm, whatever the paint is. Times
-    what is expected it is the difference of brightness where that is small, and as noisy. A difference
-    would take a lamp on a dark paint for a weaker one.
-    """
+    """Each colour of a surface in a tile against the model's: e log(seen / e) for e expected."""
     tiles = _tiles(*model.shape[:2])
     means, medians, groups, where = [], [], [], []
     for group, mask in inside.items():
@@ -203,21 +198,8 @@ def _color_rows(frame: ComparedFrame, model: np.ndarray, inside: dict[int, np.nd
             where.append(int(tile))
     if not where:
         return _stacked([], [], [], [])
-    expected, of_group = np.array(means), np.array(groups)
-    e = np.maximum(expected.mean(axis=1), DARK)
-    whole, hidden = without_white(expected, np.array(medians), of_group)
-    seen = np.maximum(whole.mean(axis=1), DARK)
-    # One for a surface, whose hue is one: of each tile its own would be what bright ones differ by from dark.
-    for group in np.unique(of_group):
-        hidden[of_group == group] = hidden[of_group == group].mean()
-    columns = {
-        "light": e, "paint_object": of_group == OBJECT, "paint_static": of_group == STATIC,
-        "white_object": e * hidden * (of_group == OBJECT), "white_static": e * hidden * (of_group == STATIC),
-    }  # fmt: skip
-    return Rows(
-        e * np.log(seen / e), np.array(where), np.ones(len(where)),
-        {name: np.asarray(one, dtype=float)[None] for name, one in columns.items()},
-    )  # fmt: skip
+    value, shape, columns = compare_colors(np.array(means), np.array(medians), np.array(groups))
+    return Rows(value, np.repeat(where, COLORS), shape, columns)
 
 
 def _noise_rows(

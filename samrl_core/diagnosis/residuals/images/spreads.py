@@ -6,6 +6,7 @@ import numpy as np
 
 from samrl_core.cell.types.image_recording import ImageTolerances
 from samrl_core.diagnosis.residuals.images.bends import BENDS
+from samrl_core.diagnosis.residuals.images.colors import COLORS, TINTS
 from samrl_core.diagnosis.residuals.images.rows import OF_CHANNEL, TILES
 
 PLACE, TURN = 0.05, 0.4  # of the object, [m] in the table's plane, [rad] about its normal: nobody states them
@@ -14,6 +15,8 @@ SIZES = {  # how many columns each name has
     "object": 6, "object_scale": 1, "focal": 2, "centre": 2, "radial": 2, "tangential": 2,
     **{name: 1 for names in OF_CHANNEL.values() for name in names},
     "depth_shift": 2, "depth_bend": BENDS, "depth_pattern": 2 * TILES**2, "outline_bend": BENDS,
+    "tint": len(TINTS), "paint_object": COLORS, "paint_static": COLORS, "white_object": COLORS,
+    "white_static": COLORS,
 }  # fmt: skip
 
 
@@ -38,11 +41,11 @@ def stated_spreads(stated: ImageTolerances, widened: float = 1.0) -> dict[str, n
         "tangential": s.tangential, "depth_scale": s.depth_scale, "depth_offset": s.depth_offset,
         "depth_shift": s.depth_shift, "depth_bend": s.depth_bend, "depth_pattern": s.depth_pattern,
         "outline_object": s.outline, "outline_tip": s.outline, "outline_bend": s.outline_bend,
-        "light": s.brightness, "paint_object": s.paint, "paint_static": s.table_paint,
+        "light": s.brightness, "tint": s.tint, "paint_object": s.paint, "paint_static": s.table_paint,
         "depth_noise": s.depth_noise,
     }  # fmt: skip
     out = {name: by * np.repeat(widths, 3) for name, widths in six.items()}
     out |= {name: np.full(SIZES[name], by * width) for name, width in one.items()}
     # Nobody sees beyond white, and no camera_info says whether a driver resampled depth by nearest pixels.
-    hidden = {name: np.ones(1) for name in ("white_object", "white_static", "depth_nearest")}
+    hidden = {name: np.ones(SIZES[name]) for name in ("white_object", "white_static", "depth_nearest")}
     return {**out, **hidden, "object": object_spreads(s)}

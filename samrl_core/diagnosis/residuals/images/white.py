@@ -24,12 +24,11 @@ def without_white(expected: np.ndarray, seen: np.ndarray, group: np.ndarray) -> 
         group: (N,) surface of each tile.
 
     Returns:
-        Colours, and by how much the logarithm of their mean (N,) changes with a standard deviation of what
-        white hides.
+        Colours, and the standard deviation of the logarithm of each (N, 3) by what white hides; both (N, 3).
     """
     white = seen >= WHITE
     if not white.any():
-        return seen, np.zeros(len(seen))
+        return seen, np.zeros_like(seen)
     paint = np.maximum(expected, DARK)
     brighter = np.where(white, np.nan, np.log(np.maximum(seen, DARK) / paint))
     known = ~white.all(axis=1)
@@ -43,5 +42,4 @@ def without_white(expected: np.ndarray, seen: np.ndarray, group: np.ndarray) -> 
     hazard = np.exp(stats.norm.logpdf(bound) - stats.norm.logsf(bound))
     mean, deviation = HUE * hazard, HUE * np.sqrt(np.clip(1.0 - hazard * (hazard - bound), 0.0, 1.0))
     whole = np.where(white, paint * np.exp(more[:, None] + mean), seen)
-    hidden = np.where(white, whole * deviation, 0.0).sum(axis=1) / whole.sum(axis=1)
-    return whole, hidden
+    return whole, np.where(white, deviation, 0.0)

@@ -1,0 +1,85 @@
+"""Light, paint and hue: each colour of a surface against what the model expects of it.
+
+Twice the light shows twice the paint as well: light adds to the logarithm of each colour, whatever the paint
+is. Times what is expected it is the difference of brightness where that is small; a difference would take a
+lamp on a dark paint for a weaker one. Colours are compared one by one and not by their mean: paint is off in
+each by itself, so that three tell more of the light than one, and where one has ended at white two are left.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from samrl_core.diagnosis.residuals.images.scene import OBJECT, STATIC
+from samrl_core.diagnosis.residuals.images.white import DARK, WHITE, without_white
+
+COLORS = 3
+TINTS = np.array([[1.0, 0.0, -1.0], [0.5, -1.0, 0.5]])  # of the light's hue: warm to cold, magenta to green
+ADDED = 0.1  # of full scale, at which what is added to a colour is as noisy as what it is multiplied by
+MOST_AT_WHITE = 0.1  # share of a surface's tiles from which on a colour at white tells nothing of the light
+UNKNOWN = 1.0  # standard deviation of the logarithm of such a colour
+
+
+def compare_colors(
+    expected: np.ndarray, seen: np.ndarray, group: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+    """Rows of N surfaces in tiles, three of each, one after the other.
+
+    Args:
+        expected: (N, 3) colours of the model, 1 is white.
+        seen: (N, 3) as recorded.
+        group: (N,) what carries the surface, `OBJECT` or `STATIC`.
+
+    Returns:
+        e log(seen / e) for e expected (3 N,), its noise against that of others (3 N,), and columns (p, 3 N).
+    """
+    e = np.maximum(expected, DARK)
+    whole, hidden = _hide_white(*without_white(expected, seen, group), seen, group)
+    value = e * np.log(np.maximum(whole, DARK) / e)
+    of_color = np.eye(COLORS)[:, None, :] * np.ones((1, len(e), 1))  # (3, N, 3)
+    on_object, on_static = ((group == g).astype(float)[:, None] for g in (OBJECT, STATIC))
+    common = np.concatenate([np.ones((1, COLORS)), TINTS])[:, None, :]
+    columns = {
+        "light": e[None],
+        "tint": TINTS[:, None, :] * e,
+        "paint_object": of_color * on_object,
+        "paint_static": common * on_static,  # one grey or another, and its hue
+        "white_object": of_color * e * hidden * on_object,
+        "white_static": of_color * e * hidden * on_static,
+    }
+    flat = {name: one.reshape(len(one), -1) for name, one in columns.items()}
+    return value.ravel(), np.hypot(e, ADDED).ravel(), flat
+
+
+def find_driven_to_white(seen: np.ndarray, group: np.ndarray, more: float) -> np.ndarray:
+    """Which rows (3 N,) of `compare_colors` tell nothing once the logarithm of the light is `more` larger.
+
+    Args:
+        seen: (N, 3) colours as recorded.
+        group: (N,) what carries the surface.
+        more: of the logarithm.
+    """
+    white = seen * np.exp(more) >= WHITE
+    out = np.zeros_like(white)
+    for one in np.unique(group):
+        of = group == one
+        out[of] = white[of].mean(axis=0) > MOST_AT_WHITE
+    return out.ravel()
+
+
+def _hide_white(
+    whole: np.ndarray, hidden: np.ndarray, seen: np.ndarray, group: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Colours (N, 3), and what may be off in the logarithm of all tiles of a surface by white (N, 3).
+
+    A colour that has ended at white in many tiles is as bright as the others of its surface say: counted once
+    more it would tell the light twice. Where no colour is left, light is at least what makes all white.
+    """
+    off = np.zeros_like(hidden)
+    for one in np.unique(group):
+        of = group == one
+        share = (seen[of] >= WHITE).mean(axis=0)
+        off[of] = hidden[of].mean(axis=0)
+        if (share <= MOST_AT_WHITE).any():
+            off[of] = np.where(share > MOST_AT_WHITE, UNKNOWN, off[of])
+    return whole, off

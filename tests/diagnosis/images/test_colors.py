@@ -1,0 +1,117 @@
+"""Light told from the colours of painted surfaces: as sure as is said, also where a colour ends at white."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from samrl_core.cell.types.image_recording import ImageTolerances
+from samrl_core.diagnosis.effects.images.lighting import EFFECT
+from samrl_core.diagnosis.residuals.images.colors import TINTS, compare_colors
+from samrl_core.diagnosis.residuals.images.image_trial import ImageTrial
+from samrl_core.diagnosis.residuals.images.rows import Rows
+from samrl_core.diagnosis.residuals.images.scene import OBJECT, STATIC
+from samrl_core.diagnosis.residuals.images.spreads import stated_spreads
+from samrl_core.diagnosis.residuals.likelihood import Likelihood
+from samrl_core.diagnosis.selection.hypothesis import Evidence
+from samrl_core.diagnosis.selection.least_sizes import least_sizes
+
+BLOCK, TABLE = np.array([0.72, 0.30, 0.13]), np.array([0.53, 0.53, 0.53])
+TILES = 6  # of each surface
+STATED = ImageTolerances()
+
+
+def told(light: float, paint: np.ndarray, table: np.ndarray, tint: float) -> tuple[float, float]:
+    """Logarithm of the light and its standard deviation, by least squares with all tolerances as stated."""
+    expected = np.repeat([BLOCK, TABLE], TILES, axis=0)
+    true = np.repeat([BLOCK + paint, TABLE * np.exp(table)], TILES, axis=0)
+    seen = np.minimum(true * np.exp(light + tint * TINTS[0]), 1.0)
+    value, shape, columns = compare_colors(expected, seen, np.repeat([OBJECT, STATIC], TILES))
+    spreads = {**stated_spreads(STATED), "light": np.array([10.0])}
+    design = np.concatenate([(spreads[n][:, None] * c / (0.05 * shape)) for n, c in columns.items()]).T
+    covariance = np.linalg.inv(design.T @ design + np.eye(design.shape[1]))
+    found = covariance @ design.T @ (value / (0.05 * shape))
+    assert next(iter(columns)) == "light"
+    return 10.0 * float(found[0]), 10.0 * float(np.sqrt(covariance[0, 0]))
+
+
+@pytest.mark.parametrize(("light", "surest"), [(-0.6, 0.07), (0.0, 0.07), (0.7, 0.13)])
+def test_light_is_known_as_well_as_is_said(light: float, surest: float) -> None:
+    """Cells as typical ones are painted: each colour of the block by itself, a table that is darker.
+
+    At 0.7 red ends at white. Taken together as one brightness, whose paint nobody knows to 0.06, the block's
+    colours left 0.09 of the logarithm open, and a table that is darker than drawn took 0.1 off a lamp.
+    """
+    rng = np.random.default_rng(0)
+    by = STATED.deviation
+    found = np.array(
+        [
+            told(
+                light,
+                STATED.paint * rng.uniform(-1, 1, 3),
+                rng.normal([-0.1, -0.2, -0.3], 0.12),
+                by * STATED.tint * rng.standard_normal(),
+            )
+            for _ in range(300)
+        ]
+    )
+    error, said = found[:, 0] - light, found[:, 1]
+    assert said.max() < surest
+    assert abs(error.mean()) < 0.5 * surest
+    assert 0.6 < np.sqrt(np.mean(error**2)) / said.mean() < 1.15
+
+
+def test_a_colour_at_white_says_nothing_of_the_light() -> None:
+    """As if the block had no red: what green and blue say is not said once more by what is made of them."""
+    darker = np.array([0.0, -0.05, -0.02])
+    with_red = told(0.7, darker, np.zeros(3), 0.0)
+    other_red = told(0.7, darker + [0.05, 0.0, 0.0], np.zeros(3), 0.0)
+    assert with_red == pytest.approx(other_red, abs=2e-3)
+    assert with_red[1] > 1.5 * told(0.0, darker, np.zeros(3), 0.0)[1]
+
+
+def cell(light: float, paint: np.ndarray, table: np.ndarray, tint: float) -> Evidence:
+    """Evidence of brightness alone, all noise as stated; arguments as of `told`."""
+    expected = np.repeat([BLOCK, TABLE], TILES, axis=0)
+    true = np.repeat([BLOCK + paint, TABLE * np.exp(table)], TILES, axis=0)
+    seen = np.minimum(true * np.exp(light + tint * TINTS[0]), 1.0)
+    value, shape, columns = compare_colors(expected, seen, np.repeat([OBJECT, STATIC], TILES))
+    trial = cast(Any, object.__new__(ImageTrial))
+    trial.recording = SimpleNamespace(tolerances=STATED, camera="camera", name="A", duration=1.0)
+    trial.channels, trial.cached, trial.frames = ("color",), {}, ()
+    arms = SimpleNamespace(
+        camera_arm=SimpleNamespace(joint_names=()), tool_arm=SimpleNamespace(joint_names=())
+    )
+    trial.constants = SimpleNamespace(scene=SimpleNamespace(body="block", cell=arms))
+    trial._rows = {"color": Rows(value, np.zeros(len(value), dtype=int), shape, columns)}
+    trial._sigma = {"color": 0.05 * shape}
+    return Evidence(Likelihood([trial]), 1.0)
+
+
+def test_half_of_the_lamps_of_the_least_size_are_named() -> None:
+    """Red of the block ends at white there: as images without a lamp tell, a weaker one would be seen."""
+    nominal = cell(0.0, np.zeros(3), np.zeros(3), 0.0)
+    (said,) = least_sizes(nominal, nominal.screen([EFFECT]), 8.0)
+    down, up = np.log1p(said.stated)
+    assert BLOCK[0] * np.exp(up) > 1.0, "no colour ends at white: the test shows nothing"
+    assert up > 1.1 * -down, "as if all colours told of it"
+    rng, by = np.random.default_rng(0), STATED.deviation
+
+    def named(light: float) -> float:
+        count, of = 60, 0
+        for _ in range(count):
+            own = by * STATED.brightness * rng.standard_normal()
+            made = cell(
+                light + own,
+                by * STATED.paint * rng.standard_normal(3),
+                by * STATED.table_paint * rng.standard_normal(3) @ [[1, 1, 1], *TINTS] / TABLE,
+                by * STATED.tint * rng.standard_normal(),
+            )
+            of += max(made.fit([h]).log_evidence for h in made.screen([EFFECT])) >= 8.0
+        return of / count
+
+    assert 0.3 < named(up) < 0.8
+    assert 0.3 < named(down) < 0.8

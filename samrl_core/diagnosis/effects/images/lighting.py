@@ -9,7 +9,7 @@ import numpy as np
 from samrl_core.diagnosis.effects.effect import Effect, Parameter
 from samrl_core.diagnosis.effects.form import Form, Place, Shape
 from samrl_core.diagnosis.effects.image_forms import ImageColumns
-from samrl_core.diagnosis.residuals.images.colors import COLORS, find_driven_to_white
+from samrl_core.diagnosis.residuals.images.colors import find_driven_to_white
 from samrl_core.diagnosis.residuals.images.image_trial import ImageTrial
 
 
@@ -41,11 +41,9 @@ class Brightness(ImageColumns):
 
     def find_seen(self, trial: ImageTrial, shape: Shape, amplitudes: np.ndarray) -> ImageTrial:
         """Without the colours that so much light would drive to white."""
-        key = ("color", 0)
-        (expected,), on_object = trial.column("light")[key], trial.column("paint_object").get(key)
-        seen = expected * np.exp(trial.residual["color"][:, 0] / expected)
-        group = np.zeros(len(seen)) if on_object is None else np.any(on_object, axis=0, keepdims=True)[0]
-        rows = find_driven_to_white(seen.reshape(-1, COLORS), group[::COLORS], float(amplitudes[0]))
+        names = ("light", "tint", "paint_object")
+        columns = {n: of["color", 0] for n in names if ("color", 0) in (of := trial.column(n))}
+        rows = find_driven_to_white(trial.residual["color"][:, 0], columns, float(amplitudes[0]))
         return trial.without("color", rows) if rows.any() else trial
 
 

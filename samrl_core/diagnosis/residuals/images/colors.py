@@ -23,7 +23,7 @@ UNKNOWN = 1.0  # standard deviation of the logarithm of such a colour
 def compare_colors(
     expected: np.ndarray, seen: np.ndarray, group: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-    """Rows of N surfaces in tiles, three of each, one after the other.
+    """Rows of N surfaces in tiles, one colour after the other: those of one tile are alike by its grain.
 
     Args:
         expected: (N, 3) colours of the model, 1 is white.
@@ -47,24 +47,27 @@ def compare_colors(
         "white_object": of_color * e * hidden * on_object,
         "white_static": of_color * e * hidden * on_static,
     }
-    flat = {name: one.reshape(len(one), -1) for name, one in columns.items()}
-    return value.ravel(), np.hypot(e, ADDED).ravel(), flat
+    flat = {name: one.swapaxes(1, 2).reshape(len(one), -1) for name, one in columns.items()}
+    return value.T.ravel(), np.hypot(e, ADDED).T.ravel(), flat
 
 
-def find_driven_to_white(seen: np.ndarray, group: np.ndarray, more: float) -> np.ndarray:
-    """Which rows (3 N,) of `compare_colors` tell nothing once the logarithm of the light is `more` larger.
+def find_driven_to_white(values: np.ndarray, columns: dict[str, np.ndarray], more: float) -> np.ndarray:
+    """Which rows (M,) of `compare_colors` tell nothing once the logarithm of the light is `more` larger.
 
     Args:
-        seen: (N, 3) colours as recorded.
-        group: (N,) what carries the surface.
+        values: (M,) of one or more frames.
+        columns: theirs by name (p, M); those of the object may be missing.
         more: of the logarithm.
     """
-    white = seen * np.exp(more) >= WHITE
-    out = np.zeros_like(white)
-    for one in np.unique(group):
-        of = group == one
-        out[of] = white[of].mean(axis=0) > MOST_AT_WHITE
-    return out.ravel()
+    (expected,) = columns["light"]
+    color = np.rint(1.0 - columns["tint"][0] / expected)
+    on_object = np.any(columns.get("paint_object", np.zeros((1, len(values)))) > 0.0, axis=0)
+    surface = color + COLORS * on_object
+    white = expected * np.exp(values / expected + more) >= WHITE
+    out = np.zeros(len(values), dtype=bool)
+    for one in np.unique(surface):
+        out[surface == one] = white[surface == one].mean() > MOST_AT_WHITE
+    return out
 
 
 def _hide_white(

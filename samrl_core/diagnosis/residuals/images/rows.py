@@ -199,7 +199,7 @@ def _color_rows(frame: ComparedFrame, model: np.ndarray, inside: dict[int, np.nd
     if not where:
         return _stacked([], [], [], [])
     value, shape, columns = compare_colors(np.array(means), np.array(medians), np.array(groups))
-    return Rows(value, np.repeat(where, COLORS), shape, columns)
+    return Rows(value, np.tile(where, COLORS), shape, columns)
 
 
 def _noise_rows(

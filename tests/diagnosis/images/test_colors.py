@@ -20,16 +20,24 @@ from samrl_core.diagnosis.selection.hypothesis import Evidence
 from samrl_core.diagnosis.selection.least_sizes import least_sizes
 
 BLOCK, TABLE = np.array([0.72, 0.30, 0.13]), np.array([0.53, 0.53, 0.53])
-TILES = 6  # of each surface
+FACES = np.array([1.0, 1.0, 0.6, 0.35])  # of the block, how far they are lit
+EXPECTED = np.concatenate([FACES[:, None] * BLOCK, np.tile(TABLE, (4, 1))])
+GROUP, LIT = np.repeat([OBJECT, STATIC], 4), np.repeat([BLOCK, TABLE], 4, axis=0)
 STATED = ImageTolerances()
+
+
+def rows(
+    light: float, paint: np.ndarray, table: np.ndarray, tint: float
+) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+    """Of a block with some paint more (3,) on a table whose colours are off by logarithms (3,)."""
+    true = np.concatenate([FACES[:, None] * (BLOCK + paint), np.tile(TABLE * np.exp(table), (4, 1))])
+    seen = np.minimum(true * np.exp(light + tint * TINTS[0]), 1.0)
+    return compare_colors(EXPECTED, seen, GROUP, LIT)
 
 
 def told(light: float, paint: np.ndarray, table: np.ndarray, tint: float) -> tuple[float, float]:
     """Logarithm of the light and its standard deviation, by least squares with all tolerances as stated."""
-    expected = np.repeat([BLOCK, TABLE], TILES, axis=0)
-    true = np.repeat([BLOCK + paint, TABLE * np.exp(table)], TILES, axis=0)
-    seen = np.minimum(true * np.exp(light + tint * TINTS[0]), 1.0)
-    value, shape, columns = compare_colors(expected, seen, np.repeat([OBJECT, STATIC], TILES))
+    value, shape, columns = rows(light, paint, table, tint)
     spreads = {**stated_spreads(STATED), "light": np.array([10.0])}
     design = np.concatenate([(spreads[n][:, None] * c / (0.05 * shape)) for n, c in columns.items()]).T
     covariance = np.linalg.inv(design.T @ design + np.eye(design.shape[1]))
@@ -75,10 +83,7 @@ def test_a_colour_at_white_says_nothing_of_the_light() -> None:
 
 def cell(light: float, paint: np.ndarray, table: np.ndarray, tint: float) -> Evidence:
     """Evidence of brightness alone, all noise as stated; arguments as of `told`."""
-    expected = np.repeat([BLOCK, TABLE], TILES, axis=0)
-    true = np.repeat([BLOCK + paint, TABLE * np.exp(table)], TILES, axis=0)
-    seen = np.minimum(true * np.exp(light + tint * TINTS[0]), 1.0)
-    value, shape, columns = compare_colors(expected, seen, np.repeat([OBJECT, STATIC], TILES))
+    value, shape, columns = rows(light, paint, table, tint)
     trial = cast(Any, object.__new__(ImageTrial))
     trial.recording = SimpleNamespace(tolerances=STATED, camera="camera", name="A", duration=1.0)
     trial.channels, trial.cached, trial.frames = ("color",), {}, ()

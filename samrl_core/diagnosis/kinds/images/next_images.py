@@ -32,11 +32,32 @@ def next_images(
             f"{together}, and no motion of the camera splits them: a wrong zero of the last joint turns the"
             " camera about its flange as a wrong hand-eye does; correct both as one transform"
         )
+    if (split := _by_one_arm(set(rivals), trial)) is not None:
+        return None, f"{together}; {split}"
     shown = "; ".join(f"{name}: {h.effect.excitation}" for name, h in rivals.items())
     return None, (
         f"{together}; record views that are chosen to split them (samrl excite --set camera); what shows"
         f" each best: {shown}"
     )
+
+
+def _by_one_arm(rivals: set[str], trial: ImageTrial) -> str | None:
+    """What splits late images from one arm's clock: motion of the other arm, which late images show as well.
+
+    Chosen views are none: where both arms move, latency and the camera arm's clock lie 3 degrees apart.
+    """
+    late = f"camera_latency@{trial.places[0]}"
+    if rivals == {late, "clock_offset@arm:camera_arm"}:
+        return (
+            "record the tool moving in sight of a camera that stands still: late images show the tool late,"
+            " the camera arm's clock does not"
+        )
+    if rivals == {late, "clock_offset@arm:tool_arm"}:
+        return (
+            "record the camera moving past what stands still: late images show that late, the tool arm's"
+            " clock does not"
+        )
+    return None
 
 
 def one_by_geometry(trial: ImageTrial) -> set[str]:

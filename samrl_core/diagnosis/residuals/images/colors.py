@@ -21,7 +21,7 @@ UNKNOWN = 1.0  # standard deviation of the logarithm of such a colour
 
 
 def compare_colors(
-    expected: np.ndarray, seen: np.ndarray, group: np.ndarray
+    expected: np.ndarray, seen: np.ndarray, group: np.ndarray, lit: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
     """Rows of N surfaces in tiles, one colour after the other: those of one tile are alike by its grain.
 
@@ -29,6 +29,8 @@ def compare_colors(
         expected: (N, 3) colours of the model, 1 is white.
         seen: (N, 3) as recorded.
         group: (N,) what carries the surface, `OBJECT` or `STATIC`.
+        lit: (N, 3) what is expected of the same paint where it is lit best. Another paint is darker by one
+            share on all faces: as one difference it would be told from light by how they are shaded.
 
     Returns:
         e log(seen / e) for e expected (3 N,), its noise against that of others (3 N,), and columns (p, 3 N).
@@ -37,13 +39,14 @@ def compare_colors(
     whole, hidden = _hide_white(*without_white(expected, seen, group), seen, group)
     value = e * np.log(np.maximum(whole, DARK) / e)
     of_color = np.eye(COLORS)[:, None, :] * np.ones((1, len(e), 1))  # (3, N, 3)
+    shade = e / np.maximum(lit, DARK)
     on_object, on_static = ((group == g).astype(float)[:, None] for g in (OBJECT, STATIC))
     common = np.concatenate([np.ones((1, COLORS)), TINTS])[:, None, :]
     columns = {
         "light": e[None],
         "tint": TINTS[:, None, :] * e,
-        "paint_object": of_color * on_object,
-        "paint_static": common * on_static,  # one grey or another, and its hue
+        "paint_object": of_color * shade * on_object,
+        "paint_static": common * shade * on_static,  # one grey or another, and its hue
         "white_object": of_color * e * hidden * on_object,
         "white_static": of_color * e * hidden * on_static,
     }

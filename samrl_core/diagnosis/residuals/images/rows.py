@@ -89,7 +89,7 @@ def frame_rows(
     inside = _inside(scene, frame, points[..., 2], label)
     made = {
         "depth": _depth_rows(scene, frame, points, inside, object_at, risen),
-        "color": _color_rows(frame, shaded.color.numpy().astype(float), inside),
+        "color": _color_rows(scene, frame, shaded.color.numpy().astype(float), inside),
         "depth_noise": _noise_rows(frame, points[..., 2], inside, noise_per_z2),
         "mask": _mask_rows(scene, frame, shares, label, vertices, moving),
     }
@@ -183,7 +183,9 @@ def _depth_rows(
     return _stacked(value, where, shape, columns)
 
 
-def _color_rows(frame: ComparedFrame, model: np.ndarray, inside: dict[int, np.ndarray]) -> Rows:
+def _color_rows(
+    scene: ImageScene, frame: ComparedFrame, model: np.ndarray, inside: dict[int, np.ndarray]
+) -> Rows:
     """Each colour of a surface in a tile against the model's: e log(seen / e) for e expected."""
     tiles = _tiles(*model.shape[:2])
     means, medians, groups, where = [], [], [], []
@@ -198,7 +200,8 @@ def _color_rows(frame: ComparedFrame, model: np.ndarray, inside: dict[int, np.nd
             where.append(int(tile))
     if not where:
         return _stacked([], [], [], [])
-    value, shape, columns = compare_colors(np.array(means), np.array(medians), np.array(groups))
+    lit = np.stack([scene.find_brightest(group) for group in groups])
+    value, shape, columns = compare_colors(np.array(means), np.array(medians), np.array(groups), lit)
     return Rows(value, np.tile(where, COLORS), shape, columns)
 
 

@@ -151,6 +151,10 @@ class ImageScene:
         with torch.no_grad():
             return self._render(torch.from_numpy(vertices), self._shade if shaded else self._shares)
 
+    def find_brightest(self, group: int) -> np.ndarray:
+        """The most of each colour (3,) that vertices of `OBJECT` or `STATIC` are expected to have."""
+        return self._shade.numpy()[self.group == group].max(axis=0).astype(float)
+
     def gradients(self, vertices: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """Gradients (n, V, 3) of sums of the shares under weights (n, H, W, 3), by the vertices."""
         import torch

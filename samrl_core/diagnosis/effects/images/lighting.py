@@ -13,6 +13,9 @@ from samrl_core.diagnosis.residuals.images.colors import find_driven_to_white
 from samrl_core.diagnosis.residuals.images.image_trial import ImageTrial
 
 
+MOST = 50.0  # logarithm of more light than there is
+
+
 class Lighting(Effect[ImageTrial]):
     """The whole scene is brighter or darker than the model expects; edges and depth stay."""
 
@@ -37,13 +40,13 @@ class Brightness(ImageColumns):
     """Its amplitude is a logarithm, as the rows of brightness are."""
 
     def parameters(self, trial: ImageTrial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
-        return {"g": float(np.expm1(amplitudes[0]))}
+        return {"g": float(np.expm1(min(amplitudes[0], MOST)))}
 
     def find_seen(self, trial: ImageTrial, shape: Shape, amplitudes: np.ndarray) -> ImageTrial:
         """Without the colours that so much light would drive to white."""
         names = ("light", "tint", "paint_object")
         columns = {n: of["color", 0] for n in names if ("color", 0) in (of := trial.column(n))}
-        rows = find_driven_to_white(trial.residual["color"][:, 0], columns, float(amplitudes[0]))
+        rows = find_driven_to_white(trial.residual["color"][:, 0], columns, min(float(amplitudes[0]), MOST))
         return trial.without("color", rows) if rows.any() else trial
 
 

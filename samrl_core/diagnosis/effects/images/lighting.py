@@ -12,7 +12,6 @@ from samrl_core.diagnosis.effects.image_forms import ImageColumns
 from samrl_core.diagnosis.residuals.images.colors import find_driven_to_white
 from samrl_core.diagnosis.residuals.images.image_trial import ImageTrial
 
-
 MOST = 50.0  # logarithm of more light than there is
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from samrl_core.diagnosis.selection.contenders import MOTION
 from samrl_core.diagnosis.selection.forward_windows import WINDOW_S
 from samrl_core.diagnosis.selection.gap_in_noise import compare_in_noise
 from samrl_core.diagnosis.selection.gap_metric import shrink
-from samrl_core.diagnosis.selection.hypothesis import Fit
+from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
 from samrl_core.diagnosis.selection.resimulation import (
     BLOCK_S,
     RESAMPLES,
@@ -51,6 +51,8 @@ class HowFar:
     correction: Correction | Recalibration | None = None  # of model or calibration, where it was named
     motion: float | None = None  # shrink of position and velocity alone, where it was simulated
     size: float | None = None  # of the fitted first effect, that simulation would have best
+    # By index of a further member: 95 % interval of what it takes off the gap that the others leave
+    further: Mapping[int, tuple[float, float]] = field(default_factory=dict)
 
 
 def how_far(
@@ -64,22 +66,35 @@ def how_far(
     """Nominal model, named effect and runner-up on recordings that were never fitted."""
     if not held_out.trials or not held_out.blocks:
         return HowFar(None, ())
+    sets = {} if fitted is None else _without_further(fitted, selection)
     if simulate and all(resimulable(t) for t in held_out.trials):
-        found = _simulated(held_out, selection, rng)
+        found = _simulated(held_out, selection, rng, sets)
         if found is not None:
             return found
     if held_out.exact and fitted is not None:
         gap_found, overlays = compare_in_noise(fitted, held_out, selection, rng)
         return HowFar(gap_found, (), overlays)
-    return _along_the_log(held_out, selection, rng)
+    return _along_the_log(held_out, selection, rng, sets)
 
 
-def _simulated(held_out: Likelihood, selection: Selection, rng: np.random.Generator) -> HowFar | None:
+def _without_further(fitted: Likelihood, selection: Selection) -> dict[int, Fit]:
+    """The chosen set without each further member, fitted again; none where it is exact or by chance."""
+    chosen = selection.chosen
+    if chosen is None or fitted.exact or any(h.effect.by_chance for h in chosen.hypotheses):
+        return {}
+    evidence = Evidence(fitted, selection.correlation_time)
+    members = chosen.hypotheses
+    return {k: evidence.fit([h for h in members if h is not members[k]]) for k in range(1, len(members))}
+
+
+def _simulated(
+    held_out: Likelihood, selection: Selection, rng: np.random.Generator, sets: Mapping[int, Fit]
+) -> HowFar | None:
     """Re-simulation; None where an effect has no simulation or diverges."""
     chosen = selection.chosen
     trials = [t for t in held_out.trials if resimulable(t)]
     runner_up = _simulated_rival(trials[0], selection)
-    made = [_plants(trial, selection, runner_up) for trial in trials]
+    made = [_plants(trial, selection, runner_up, sets) for trial in trials]
     plants = [name for name in made[0] if all(name in others for others in made)]
     if chosen is not None and "with_effect" not in plants:
         return None
@@ -115,7 +130,12 @@ def _simulated(held_out: Likelihood, selection: Selection, rng: np.random.Genera
     if selection.held_out_unexplained < CONFIRMED and selection.unexplained < CONFIRMED:
         alarms = ()  # the torque of motions that were never fitted says more than a gap of many causes
     motion = shrink(gap(runs, "nominal", MOTION), gap(runs, "with_effect", MOTION))
-    return HowFar(held, runs, _overlays(runs), alarms, motion=motion, size=size)
+    further = {
+        k: shrink_interval(runs, "with_effect", rng, _without(k))
+        for k in sets
+        if _without(k) in plants and np.isfinite(gap(runs, _without(k)))
+    }
+    return HowFar(held, runs, _overlays(runs), alarms, motion=motion, size=size, further=further)
 
 
 def _simulated_rival(trial: Trial, selection: Selection) -> Fit | None:
@@ -127,13 +147,21 @@ def _simulated_rival(trial: Trial, selection: Selection) -> Fit | None:
     return next((r for r in others if plant_of(trial, r) is not None), None)
 
 
-def _plants(trial: Trial, selection: Selection, runner_up: Fit | None) -> dict[str, PlantParameters]:
+def _without(member: int) -> str:
+    """Name of the plant that lacks a member of the chosen set."""
+    return f"without {member}"
+
+
+def _plants(
+    trial: Trial, selection: Selection, runner_up: Fit | None, sets: Mapping[int, Fit]
+) -> dict[str, PlantParameters]:
     """Plants by name, as they are in this recording: what drifts or warms has come further in a later one."""
     chosen, found = selection.chosen, dict[str, PlantParameters | None]()
     if chosen is not None:
         found["with_effect"] = plant_of(trial, chosen)
         found["runner_up"] = None if runner_up is None else plant_of(trial, runner_up)
         found |= {f"size {size}": plant_of(trial, _scaled(chosen, size)) for size in SIZES if size != 1.0}
+        found |= {_without(k): plant_of(trial, fit) for k, fit in sets.items()}
     return {"nominal": PlantParameters()} | {
         name: plant for name, plant in found.items() if plant is not None
     }
@@ -210,7 +238,9 @@ def _overlays(runs: tuple[Resimulation, ...]) -> tuple[Overlay, ...]:
     return tuple(out)
 
 
-def _along_the_log(held_out: Likelihood, selection: Selection, rng: np.random.Generator) -> HowFar:
+def _along_the_log(
+    held_out: Likelihood, selection: Selection, rng: np.random.Generator, sets: Mapping[int, Fit]
+) -> HowFar:
     """Residuals along held-out recordings before and after; for logs without a closed loop."""
     chosen = selection.chosen
     channel = _where_it_acts(held_out, chosen)
@@ -235,15 +265,33 @@ def _along_the_log(held_out: Likelihood, selection: Selection, rng: np.random.Ge
         ((channel, unit, nominal, with_effect),),
         tuple(t.name for t in held_out.trials),
     )  # fmt: skip
-    return HowFar(held, (), _log_overlays(held_out, channel, before, after))
+    further = {} if rest is None else _further_along(held_out, selection, rest, sets, rng)
+    return HowFar(held, (), _log_overlays(held_out, channel, before, after), further=further)
 
 
-def _where_it_acts(held_out: Likelihood, chosen: Fit | None) -> str:
-    """The channel in which the named effect explains most; the last one where nothing is named."""
+def _further_along(
+    held_out: Likelihood,
+    selection: Selection,
+    rest: np.ndarray,
+    sets: Mapping[int, Fit],
+    rng: np.random.Generator,
+) -> dict[int, tuple[float, float]]:
+    """`HowFar.further` along the log, where each member acts; `rest` (N,) is what the whole set leaves."""
+    out = {}
+    for k, fit in sets.items():
+        assert selection.chosen is not None
+        channel = _where_it_acts(held_out, selection.chosen, k)
+        without = _physical(held_out, held_out_remainder(held_out, fit), channel)
+        out[k] = _interval(held_out, channel, without, _physical(held_out, rest, channel), rng)
+    return out
+
+
+def _where_it_acts(held_out: Likelihood, chosen: Fit | None, member: int = 0) -> str:
+    """The channel in which a named effect explains most; the last one where nothing is named."""
     channels = held_out.trials[0].channels
     if chosen is None:
         return channels[-1]
-    first, amplitudes = chosen.hypotheses[0], chosen.amplitudes[0]
+    first, amplitudes = chosen.hypotheses[member], chosen.amplitudes[member]
     energy = dict.fromkeys(channels, 0.0)
     for (_, channel, _joint), rows in first.regressors.blocks.items():
         energy[channel] = energy.get(channel, 0.0) + float(np.sum((amplitudes @ rows) ** 2))

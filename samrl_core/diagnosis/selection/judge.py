@@ -18,6 +18,7 @@ from samrl_core.diagnosis.result import HeldOutGap, NamedEffect
 from samrl_core.diagnosis.selection import verdict as rules
 from samrl_core.diagnosis.selection.confidence import estimates, probabilities
 from samrl_core.diagnosis.selection.foretelling import find_as_foretelling, is_denied_there
+from samrl_core.diagnosis.selection.further_members import find_superfluous
 from samrl_core.diagnosis.selection.how_far import HowFar, how_far
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, on_bound
 from samrl_core.diagnosis.selection.invariance import invariance_alarms
@@ -72,6 +73,14 @@ def judge_sets(
             simple, denied = judge_set(likelihood, held, plainer, settings, simulate, seed, progress, doubts)
             if simple.outcome.verdict != "none_of_mine" and comes_as_close(simple.far.gap, one.far.gap):
                 one, contradicted = simple, denied
+        while further := _superfluous(one):
+            fewer = without_member(likelihood, held, one.selection, further)
+            if fewer.chosen is None or not np.isfinite(fewer.chosen.log_evidence):
+                break
+            less, denied = judge_set(likelihood, held, fewer, settings, simulate, seed, progress, doubts)
+            if less.outcome.verdict == "none_of_mine":
+                break
+            one, contradicted = less, denied
         if one.outcome.verdict != "none_of_mine" and (nearest is None or _replaces(one, nearest)):
             return one
         nearest = nearest or one
@@ -104,6 +113,13 @@ def _attempts(
         if not waiting or selection.again is None:
             return
         tried = selection.again(waiting.pop(0))
+
+
+def _superfluous(one: Judged) -> tuple[int, ...]:
+    """The last further member of a set that is named for which nothing certain speaks; none if all stand."""
+    if one.outcome.verdict not in ("effect", "ambiguous") or len(one.named) < 2:
+        return ()
+    return find_superfluous(one.selection, one.named, one.far)[-1:]
 
 
 def _plainer(likelihood: Likelihood, held: Likelihood, one: Judged) -> Selection | None:

@@ -248,12 +248,12 @@ def gap(resimulations: Sequence[Resimulation], plant: str, quantities: Sequence[
 
 
 def shrink_interval(
-    resimulations: Sequence[Resimulation], plant: str, rng: np.random.Generator
+    resimulations: Sequence[Resimulation], plant: str, rng: np.random.Generator, beside: str = "nominal"
 ) -> tuple[float, float]:
-    """95 % block-bootstrap interval of the shrink from the nominal plant to another."""
+    """95 % block-bootstrap interval of the shrink from the nominal plant, or the one `beside`, to another."""
     blocks = []
     for r in resimulations:
-        before, after = pointwise(r, "nominal"), pointwise(r, plant)
+        before, after = pointwise(r, beside), pointwise(r, plant)
         size = max(1, int(BLOCK_S * r.trial.motion.rate))
         for start in range(0, len(before), size):
             part = slice(start, start + size)

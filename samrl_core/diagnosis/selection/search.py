@@ -158,12 +158,28 @@ def _closest_onset(attempt: Callable[[Hypothesis, float], Fit | None], best: Fit
     return best
 
 
+def _is_there(h: Hypothesis, members: Sequence[Hypothesis]) -> bool:
+    """Whether a member is the same effect at the same place, or one of the two contains the other.
+
+    A friction that depends on the direction has a mean, which is Coulomb's. Both at one joint are one law,
+    whose sign has another shape.
+    """
+    return any(
+        h.place == m.place
+        and (
+            h.effect.family == m.effect.family
+            or h.effect.family in m.effect.contains
+            or m.effect.family in h.effect.contains
+        )
+        for m in members
+    )
+
+
 def find_extensions(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit) -> list[Fit]:
     """The best sets with one more effect that undoes none of the others, one for each place, best first."""
-    taken = {h.name for h in chosen.hypotheses}
     best: dict[str, Fit] = {}
     for h in pool:
-        if h.name in taken:
+        if _is_there(h, chosen.hypotheses):
             continue
         fit = evidence.fit([*chosen.hypotheses, h])
         if h.name not in best or fit.log_evidence > best[h.name].log_evidence:
@@ -190,11 +206,10 @@ def swap_members(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit, fi
     """
     for index in range(len(chosen.hypotheses) - 1):
         others = [h for i, h in enumerate(chosen.hypotheses) if i != index]
-        taken = {h.name for h in others}
         best, mine = chosen, chosen.hypotheses[index].name
         forms: dict[tuple[str, str], Fit] = {}
         for h in pool:
-            if h.name in taken or (index < first and h.name != mine):
+            if _is_there(h, others) or (index < first and h.name != mine):
                 continue
             # In its place: the order says which effect is the first, and rounding must not change it.
             fit = evidence.fit([*others[:index], h, *others[index:]])
@@ -223,11 +238,10 @@ def find_rivals(
     """The chosen set with its first effect exchanged for each other one."""
     if len(chosen.hypotheses) == 1:
         return [f for f in singles if f.hypotheses[0].name != chosen.hypotheses[0].name][:20]
-    others = list(chosen.hypotheses[1:])
-    taken = {h.name for h in chosen.hypotheses}
+    mine, *others = chosen.hypotheses
     best: dict[str, Fit] = {}
     for h in pool:
-        if h.name in taken:
+        if h.name == mine.name or _is_there(h, others):
             continue
         fit = evidence.fit([h, *others])
         if np.isfinite(fit.log_evidence) and (

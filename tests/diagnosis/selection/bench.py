@@ -20,8 +20,9 @@ SIZE = 400.0  # of an effect, in deviations of the noise over all samples
 def stand_in(family: str, shape: dict[str, float] | None = None, form: str = "") -> Hypothesis:
     """A family of one amplitude; its hidden shape `s` is searched between 1 and 10."""
     effect = SimpleNamespace(
-        family=family, parameters=(), renamed_shapes=(), prior_cost=0.0, by_chance=False, at_every_joint=False
-    )
+        family=family, parameters=(), renamed_shapes=(), contains=(), prior_cost=0.0, by_chance=False,
+        at_every_joint=False,
+    )  # fmt: skip
     made = SimpleNamespace(
         name=form,
         place=SimpleNamespace(name="joint:a"),

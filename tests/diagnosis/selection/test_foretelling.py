@@ -102,21 +102,29 @@ def test_what_makes_the_held_out_gap_grow_for_sure_is_not_named(
         ({"there": 30.0}, "effect"),  # seen in residuals
         ({"gains": 400.0}, "effect"),  # there, and not again
         ({"by_chance": True}, "effect"),
+        ({"width": 0.005, "won": 32.0}, "effect"),  # little motion, for sure
+        ({"width": 0.005, "won": 32.0, "margin": -0.01}, "no_gap"),  # less than a rival's
+        ({"width": 0.005, "won": 2.0}, "no_gap"),  # and nothing in residuals
     ],
-    ids=["nowhere", "motion", "residual", "sure", "chance"],
+    ids=["nowhere", "motion", "residual", "sure", "chance", "a little", "as a rival", "motion alone"],
 )
 def test_what_unseen_recordings_show_nowhere_is_no_effect(changes: dict, verdict: str) -> None:
-    """A gantry with nothing wrong had 51 nat of a residual that was noise, and 1 % of the gap."""
-    given = {"shrink": 0.01, "there": 0.0, "gains": 51.0, "by_chance": False, **changes}
+    """A gantry with nothing wrong had 51 nat of a residual that was noise, and 1 % of the gap.
+
+    An encoder off by 6 mrad has 59, of which unseen recordings show 32, and 4 % [3, 6].
+    """
+    usual = {"shrink": 0.01, "there": 0.0, "gains": 51.0, "by_chance": False}
+    given = {**usual, "width": 0.05, "won": 0.0, "margin": 0.02, **changes}
     effect = SimpleNamespace(limits_motion=False, by_chance=given["by_chance"])
     fit = SimpleNamespace(hypotheses=(SimpleNamespace(effect=effect),), log_evidence=given["gains"])
     first = cast("NamedEffect", SimpleNamespace(name="a@joint:x", probability=1.0, gain=given["gains"]))
     shrink = given["shrink"]
-    interval = (shrink - 0.05, shrink + 0.05)
-    gap = HeldOutGap("", "1", 0.5, 0.5 * (1.0 - shrink), None, None, shrink, interval, None, (), ())
+    interval = (shrink - given["width"], shrink + given["width"])
+    margin = given["margin"]
+    gap = HeldOutGap("", "1", 0.5, 0.5 * (1.0 - shrink), 0.5, "b@joint:x", shrink, interval, margin, (), ())
     selection = replace(
         chosen_from([cast("Fit", fit)]), rivals=(), excess=0.0, remaining=0.0,
-        held_out_excess=given["there"], held_out_remaining=0.0,
+        held_out_excess=given["there"], held_out_remaining=0.0, held_out_gain=given["won"],
     )  # fmt: skip
     outcome = decide(selection, [first], [], [], HowFar(gap, ()), VerdictSettings())
     assert outcome.verdict == verdict

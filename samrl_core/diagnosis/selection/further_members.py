@@ -1,0 +1,34 @@
+"""Further members of a set that is named, for which nothing certain speaks.
+
+Evidence takes formulas as exact. A thousandth of a large effect is worth much of it, and may be what the
+first one's formula leaves: a payload of -12 +- 20 g and a rotor's inertia beside a servo's gain that was off
+by half.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from samrl_core.diagnosis.result import NamedEffect
+from samrl_core.diagnosis.selection.how_far import HowFar
+from samrl_core.diagnosis.selection.hypothesis import Hypothesis
+from samrl_core.diagnosis.selection.selection import Selection
+
+
+def find_superfluous(selection: Selection, named: Sequence[NamedEffect], far: HowFar) -> tuple[int, ...]:
+    """Further members of the chosen set that are to be left out, by their index.
+
+    Their size may be zero, or the gap on recordings never fitted is not smaller for sure with them.
+    """
+    assert selection.chosen is not None
+    members = zip(selection.chosen.hypotheses, named, strict=True)
+    zero = [k for k, (h, effect) in enumerate(members) if k > 0 and _may_be_zero(h, effect)]
+    idle = [k for k, (low, _) in far.further.items() if low <= 0.0]
+    return tuple(sorted({*zero, *idle}))
+
+
+def _may_be_zero(h: Hypothesis, effect: NamedEffect) -> bool:
+    """Whether each size has an interval that holds zero; a shape is none, and never zero."""
+    shapes = {*h.shape, *h.effect.renamed_shapes}
+    sizes = [p.ci95 for name, p in effect.parameters.items() if name.partition("[")[0] not in shapes]
+    return bool(sizes) and all(low <= 0.0 <= high for low, high in sizes)

@@ -1,0 +1,109 @@
+"""A further effect is named where something certain speaks for it, and where it is another than the first."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from samrl_core.diagnosis.residuals.likelihood import Likelihood
+from samrl_core.diagnosis.result import NamedEffect, ParameterEstimate
+from samrl_core.diagnosis.selection import judge
+from samrl_core.diagnosis.selection.further_members import find_superfluous
+from samrl_core.diagnosis.selection.how_far import HowFar, how_far
+from samrl_core.diagnosis.selection.hypothesis import Fit, Hypothesis
+from samrl_core.diagnosis.selection.judge import Judged, judge_sets
+from samrl_core.diagnosis.selection.search import find_extensions
+from samrl_core.diagnosis.selection.selection import Selection
+from samrl_core.diagnosis.selection.verdict import Decision, VerdictSettings
+from tests.diagnosis.selection.bench import Bench
+
+
+def selection_of(fit: Fit) -> Selection:
+    return Selection(fit, (fit,), (), 12.0, 100.0, 1.0, 100.0, 1.0, 2.0)
+
+
+def named(effect: str, **intervals: tuple[float, float]) -> NamedEffect:
+    sizes = {name: ParameterEstimate(sum(ends) / 2.0, "1", ends) for name, ends in intervals.items()}
+    family, _, place = effect.partition("@")
+    return NamedEffect(family, place, 1.0, sizes)
+
+
+def member(shape: tuple[str, ...] = ()) -> Hypothesis:
+    effect = SimpleNamespace(renamed_shapes=())
+    return cast("Hypothesis", SimpleNamespace(effect=effect, shape=dict.fromkeys(shape, 1.0)))
+
+
+GAINS = named("controller_gain@joint:b", eK=(-0.51, -0.46), eD=(-0.05, 0.01))
+
+
+@pytest.mark.parametrize(
+    ("second", "shape", "takes_off", "left_out"),
+    [
+        (named("payload@arm:a", mass=(-0.03, 0.01), com_x=(-0.6, 0.4)), (), (0.01, 0.02), True),
+        (named("payload@arm:a", mass=(0.1, 0.2), com_x=(-0.6, 0.4)), (), (0.01, 0.02), False),
+        (named("reflected_inertia@joint:a", Ja=(0.03, 0.07)), (), (-0.001, 0.004), True),
+        (named("reflected_inertia@joint:a", Ja=(0.03, 0.07)), (), None, False),  # not simulated
+        (named("command_delay@joint:a", T=(0.01, 0.02)), ("T",), (0.1, 0.2), False),  # a shape is no size
+    ],
+    ids=["may be zero", "certain", "takes off nothing", "not simulated", "a shape"],
+)
+def test_a_further_effect_needs_something_certain(
+    second: NamedEffect, shape: tuple[str, ...], takes_off: tuple[float, float] | None, left_out: bool
+) -> None:
+    """A leg's gain was off by half; beside it stood a payload of -12 [-33, 7] g and a rotor's inertia."""
+    fit = Fit((member(), member(shape)), (np.ones(1), np.ones(1)), np.eye(2), 100.0)
+    far = HowFar(None, (), further={} if takes_off is None else {1: takes_off})
+    assert find_superfluous(selection_of(fit), [GAINS, second], far) == ((1,) if left_out else ())
+
+
+@pytest.mark.parametrize(("second", "there"), [(0.4, True), (0.0, False)], ids=["there", "not there"])
+def test_what_a_further_effect_takes_off_the_gap_has_an_interval(second: float, there: bool) -> None:
+    """On a held-out recording, with the set fitted again without it."""
+    bench = Bench(1.0, 0.4)
+    like, other = bench.white(bench.unseen), bench.white(bench.unseen)
+    bench.set_residual(bench.unseen, like + second * other)
+    one = bench.made("first", bench.columns[0], like)
+    two = bench.made("second", bench.columns[1], other)
+    pair = bench.evidence.fit([one, two])
+    held_out = Likelihood([bench.unseen])
+    rng = np.random.default_rng(0)
+    far = how_far(held_out, selection_of(pair), False, rng, fitted=bench.evidence.likelihood)
+    low, high = far.further[1]
+    assert low < high < 1.0
+    assert (low > 0.0) is there
+
+
+@pytest.mark.parametrize("refused", [False, True], ids=["stands without", "falls without"])
+def test_a_superfluous_effect_is_left_out_if_the_others_stand(
+    monkeypatch: pytest.MonkeyPatch, refused: bool
+) -> None:
+    pair = Fit((member(), member()), (np.ones(1), np.ones(1)), np.eye(2), 100.0)
+    single = replace(pair, hypotheses=pair.hypotheses[:1], amplitudes=pair.amplitudes[:1])
+    second = named("payload@arm:a", mass=(-0.03, 0.01))
+
+    def judge_set(likelihood: Any, held: Any, tried: Selection, *rest: Any) -> tuple[Judged, tuple[int, ...]]:
+        assert tried.chosen is not None
+        alone = len(tried.chosen.hypotheses) == 1
+        verdict = "none_of_mine" if alone and refused else "effect"
+        effects = (GAINS,) if alone else (GAINS, second)
+        return Judged(tried, effects, (), (), HowFar(None, ()), Decision(verdict, ())), ()
+
+    monkeypatch.setattr(judge, "judge_set", judge_set)
+    monkeypatch.setattr(judge, "without_member", lambda likelihood, held, was, members: selection_of(single))
+    empty = cast("Likelihood", None)
+    found = judge_sets(empty, empty, selection_of(pair), VerdictSettings(), False, 0, lambda _: None)
+    assert found.named == ((GAINS, second) if refused else (GAINS,))
+
+
+def test_a_friction_that_another_contains_is_no_further_effect() -> None:
+    """An asymmetry had a Coulomb friction of 3.2 N beside it, and an own mean that held zero."""
+    bench = Bench(1.0, 0.4)
+    chosen = bench.evidence.fit([bench.first])
+    (found,) = find_extensions(bench.evidence, [bench.second], chosen)
+    assert [h.effect.family for h in found.hypotheses] == ["first", "second"]
+    bench.first.effect.__dict__["contains"] = ("second",)
+    assert not find_extensions(bench.evidence, [bench.second], chosen)

@@ -55,10 +55,10 @@ def drive_factor(unit: str | None, law: DriveLaw | None, joints: int, where: str
         return np.ones(joints)
     by_current = unit.endswith("A")
     name = "torque_per_ampere" if by_current else "torque_per_volt"
-    of = np.zeros(joints) if law is None else law.of_joints(name, joints)
-    if law is not None and unit == "duty":
-        of = of * law.of_joints("most_volt", joints)
-    if law is None or not (of > 0).all():
+    told = np.zeros(joints) if law is None else law.of_joints(name, joints)
+    of = told if law is None or unit != "duty" else told * law.of_joints("most_volt", joints)
+    # A joint without a motor has no torque of it, whatever was recorded there.
+    if law is None or not (told > 0).any() or not (of[told > 0] > 0).all():
         raise InputError(
             f"{where}: unit {unit} needs a controller that states {name.replace('_', ' ')}"
             f"{' and voltage_limit' if unit == 'duty' else ''}: a type with the motor's keys"

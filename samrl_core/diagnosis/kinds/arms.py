@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from samrl_core.cell.types.arm_description import HELD
 from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.effects import EFFECTS, NOT_BY_JOINTS
@@ -30,6 +31,8 @@ from samrl_core.diagnosis.selection.how_far import HowFar
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
 from samrl_core.diagnosis.selection.resimulation import simulable
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
+
+GOALS_APART = 1.5  # periods of the controller: from here on what it does between two goals is a question
 
 
 class Arms(Kind[ArmRecording]):
@@ -105,6 +108,20 @@ class Arms(Kind[ArmRecording]):
         self, likelihood: Likelihood, fits: Sequence[Fit], names: Sequence[str], seed: int
     ) -> tuple[NextExperiment | None, str]:
         return next_experiment(likelihood, fits, names, seed)
+
+    def notes(self, trials: Sequence[Observed]) -> list[str]:
+        first = as_arms(trials)[0]
+        controller, command = first.recording.arm.controller, first.recording.command
+        if controller is None or command is None or command.position is None or not first.motion.computed:
+            return []
+        spacing = float(np.median(np.diff(command.time)))
+        if controller.between_commands == HELD or spacing < GOALS_APART * controller.period_s:
+            return []
+        return [
+            f"a goal comes every {1e3 * spacing:.3g} ms, and the controller is taken to follow a line between"
+            " two. If it keeps each until the next, state `between_commands: held` in the mapping's controller"
+            f" (`samrl bag draft` writes a mapping); else this looks like {500 * spacing:.3g} ms of delay"
+        ]
 
     def misdescription(self, trials: Sequence[Observed]) -> Misdescription | None:
         return misdescription(as_arms(trials))

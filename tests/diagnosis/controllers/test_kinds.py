@@ -13,6 +13,7 @@ from samrl_core.cell.types.controllers import KINDS, controller_from
 from samrl_core.common.errors import InputError
 from samrl_ros.log_import.importer import import_recording
 from samrl_ros.log_import.mapping import read_mapping
+from samrl_ros.log_import.units import drive_factor
 from samrl_ros.recordings.nominal_texts import controller_text, parse_controller
 from samrl_ros.recordings.read import read_recordings
 from samrl_ros.recordings.write import write_recording
@@ -64,6 +65,23 @@ def test_a_stepper_holds_with_its_torque_a_full_step_off() -> None:
 def test_texts_that_fit_no_kind_are_refused(change: dict[str, object], message: str) -> None:
     with pytest.raises(InputError, match=message):
         controller_from({**VOLTAGE_SERVO.about, "joints": [JOINT], **change})
+
+
+@pytest.mark.parametrize("kind", ["voltage_motor", "current_motor"])
+def test_a_joint_may_have_no_motor(kind: str) -> None:
+    """A rotary pendulum's arm is driven, its pendulum is not; their owner has one motor's sheet."""
+    about = {"type": kind, "joints": ["arm", "pendulum"], "torque_constant": [0.042, 0.0]}
+    more = {"resistance": [8.4, 0.0], "voltage_limit": [10.0, 0.0]}
+    own = more if kind == "voltage_motor" else {"current_limit": [1.2, 0.0]}
+    controller = controller_from({**about, **own})
+    assert controller is not None and controller.effort_limit is not None
+    assert controller.effort_limit[0] == pytest.approx(0.05, rel=0.01)
+    assert controller.effort_limit[1] == np.inf
+    assert controller.law.of_joints("back_emf", 2)[1] == 0.0
+    unit = "V" if kind == "voltage_motor" else "A"
+    assert drive_factor(unit, controller.law, 2, "log")[1] == 0.0
+    with pytest.raises(InputError, match=r"torque_constant is \[0.0, 0.0\], must be above zero"):
+        controller_from({**about, **own, "torque_constant": [0.0, 0.0]})
 
 
 def test_a_missing_key_is_named() -> None:

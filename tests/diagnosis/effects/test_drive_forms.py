@@ -129,3 +129,17 @@ def test_a_limit_below_what_the_drives_torque_may_be_off_by_is_none() -> None:
     assert np.mean(np.abs(asked) > 0.9 * known) < 0.75
     assert not form.is_possible(trial, {"L": 0.9 * known})
     assert form.is_possible(trial, {"L": 1.1 * known})
+
+
+def test_what_nothing_drives_has_no_friction_by_its_load() -> None:
+    """A pendulum on a driven arm transmits its friction alone: the model's load there is the residual."""
+    (effect,) = library(["load_dependent_friction"])
+    trials = worlds.trials(worlds.world(3, "AB"))
+    joint = trials[0].recording.arm.joints.index("lift")
+    form = find_form(effect, trials[0], "joint:lift", "")
+    likelihood = Likelihood(trials)
+    assert hypothesis(likelihood, effect, form, form.shapes[0]) is not None
+    for trial in trials:
+        assert trial.motion.u is not None
+        trial.motion.u[:, joint] = 0.0
+    assert hypothesis(likelihood, effect, form, form.shapes[0]) is None

@@ -33,6 +33,7 @@ class Key:
     meaning: str
     default: float | None = None  # None: it must be given
     positive: bool = False
+    absent: bool = False  # 0 at a joint that has no drive: its other positive numbers do not count then
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,7 @@ class ControllerKind(ABC):
             raise InputError(f"{where} lacks {', '.join(missing)}; it has {sorted(about)}")
         count = len(joints)
         values = {key.name: _of_key(key, about, count, where) for key in self.keys}
+        self._check_positive(about, values, where)
         words = {name: word(about, name, allowed, where) for name, allowed in self.choices.items()}
         period = numbers(about.get("period_s", 0.001), (), f"{where}: period_s")
         if not period > 0:
@@ -104,6 +106,23 @@ class ControllerKind(ABC):
             stated={**own, **{name: about[name] for name in (*self.choices, *COMMON_KEPT) if name in about}},
         )
 
+    def _check_positive(
+        self, about: Mapping[str, Any], values: Mapping[str, np.ndarray], where: str
+    ) -> None:
+        """Refuse numbers that must be above zero and are not; a joint without a drive has none.
+
+        Raises:
+            InputError: such a number, or no joint that has a drive.
+        """
+        driven = np.ones(len(next(iter(values.values()), ())), dtype=bool)
+        for key in self.keys:
+            if key.absent and np.any(values[key.name] > 0):
+                driven = values[key.name] > 0
+        for key in self.keys:
+            if key.positive and not (values[key.name][driven] > 0).all():
+                given = shown(about.get(key.name))
+                raise InputError(f"{where}: {key.name} is {given}, must be above zero [{key.unit}]")
+
     def describe(self, controller: ArmController) -> dict[str, Any]:
         """The kind's own keys of a controller, as they were read."""
         return dict(controller.stated)
@@ -122,10 +141,7 @@ def _of_key(key: Key, about: Mapping[str, Any], count: int, where: str) -> np.nd
     if about.get(key.name) is None:
         assert key.default is not None
         return np.full(count, key.default)
-    values = not_negative(about[key.name], count, f"{where}: {key.name}")
-    if key.positive and not (values > 0).all():
-        raise InputError(f"{where}: {key.name} is {shown(about[key.name])}, must be above zero [{key.unit}]")
-    return values
+    return not_negative(about[key.name], count, f"{where}: {key.name}")
 
 
 def word(about: Mapping[str, Any], name: str, allowed: tuple[str, ...], where: str) -> str:

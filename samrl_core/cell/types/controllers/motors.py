@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,9 +21,25 @@ MOTOR = (
 ON_VOLTAGE = {"encoder": SIDES, "off": OFF, "effort_from": EFFORT_FROM}
 
 
+# A pendulum on a driven arm, a pole on a cart: a joint without a motor has a torque constant of 0.
+SOME_DRIVEN = replace(MOTOR[0], meaning="kt, at the motor; 0 at a joint without one", absent=True)
+
+
 def torque_per_volt(values: Mapping[str, np.ndarray]) -> np.ndarray:
-    """kt N / R: torque at standstill."""
-    return values["torque_constant"] * values["gear_ratio"] / values["resistance"]
+    """kt N / R: torque at standstill; 0 where there is no motor."""
+    strength = values["torque_constant"] * values["gear_ratio"]
+    return np.divide(strength, values["resistance"], out=np.zeros_like(strength), where=strength > 0)
+
+
+def limit_of(strength: np.ndarray, most: np.ndarray) -> np.ndarray | None:
+    """Most torque (J,) at the most volts or amperes: none where any motor's is not stated.
+
+    Infinite where there is no motor: nothing that acts there is limited.
+    """
+    driven = strength > 0
+    if not np.all(most[driven] > 0):
+        return None
+    return np.where(driven, strength * most, np.inf)
 
 
 def back_emf(values: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -45,7 +62,7 @@ class VoltageMotor(ControllerKind):
     title = "Motor on a voltage"
     formula = "torque = kt N/R (V - ke N dq); V is the recorded input"
     source = "maxon, Formulae handbook: U = R I + kn^-1 n, M = kM I; inductance is left out"
-    keys = (Key("voltage_limit", "V", "most voltage", 0.0), *MOTOR)
+    keys = (Key("voltage_limit", "V", "most voltage", 0.0), SOME_DRIVEN, *MOTOR[1:])
     choices = ON_VOLTAGE
 
     def gains(self, values: Mapping[str, np.ndarray], words: Mapping[str, str]) -> Gains:
@@ -63,7 +80,7 @@ class VoltageMotor(ControllerKind):
                 torque_per_ampere=values["torque_constant"] * values["gear_ratio"],
                 most_volt=most,
             ),
-            limit=strength * most if np.all(most > 0) else None,
+            limit=limit_of(strength, most),
             rotor=rotor(values),
         )
 
@@ -76,7 +93,7 @@ class CurrentMotor(ControllerKind):
     formula = "torque = kt N i; i is the recorded input"
     source = "maxon, Formulae handbook: M = kM I"
     keys = (
-        Key("torque_constant", "N m/A", "kt, at the motor", None, True),
+        SOME_DRIVEN,
         Key("gear_ratio", "1", "N, motor rad per joint rad (rad/m)", 1.0, True),
         Key("rotor_inertia", "kg m2", "at the motor; the joint feels N^2 of it", 0.0),
         Key("current_limit", "A", "most current", 0.0),
@@ -88,6 +105,6 @@ class CurrentMotor(ControllerKind):
         strength, most = values["torque_constant"] * values["gear_ratio"], values["current_limit"]
         return Gains(
             DriveLaw(open_loop=True, encoder=words["encoder"], torque_per_ampere=strength),
-            limit=strength * most if np.all(most > 0) else None,
+            limit=limit_of(strength, most),
             rotor=rotor(values),
         )

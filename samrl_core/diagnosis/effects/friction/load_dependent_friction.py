@@ -50,6 +50,9 @@ class ByLoad(DriveForm):
 
     def torque(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
         motion = trial.motion
+        if motion.u is not None and not motion.u[:, joint].any():
+            # Nothing drives it: all that it transmits is its friction, and the model's load is the residual.
+            return np.zeros((len(self.amplitudes), len(motion.time)))
         # The model's load: a reading has an offset, which would make plain Coulomb friction of it, and the
         # commanded effort holds the friction itself.
         load = np.interp(motion.time, motion.t, trial.model_torque[:, joint])

@@ -119,8 +119,9 @@ class Arms(Kind[ArmRecording]):
             return []
         return [
             f"a goal comes every {1e3 * spacing:.3g} ms, and the controller is taken to follow a line between"
-            " two. If it keeps each until the next, state `between_commands: held` in the mapping's controller"
-            f" (`samrl bag draft` writes a mapping); else this looks like {500 * spacing:.3g} ms of delay"
+            " two. If it keeps each until the next one, state `between_commands: held` in a mapping's"
+            " controller (`samrl bag draft` writes a mapping): what is held looks like"
+            f" {500 * spacing:.3g} ms of delay"
         ]
 
     def misdescription(self, trials: Sequence[Observed]) -> Misdescription | None:

@@ -11,6 +11,7 @@ from samrl_core.cell.types.arm_description import HELD, LINE, ArmDescription
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.cell.types.controllers import KINDS
 from samrl_core.diagnosis.diagnose import diagnose
+from samrl_core.diagnosis.kinds.arms import Arms
 from samrl_core.diagnosis.residuals.signal_band import held_on_grid
 from samrl_core.diagnosis.result import Diagnosis
 
@@ -113,3 +114,11 @@ def test_a_bag_carries_it_and_another_word_is_refused() -> None:
     assert read is not None and read.between_commands == HELD
     with pytest.raises(InputError, match="between_commands is 'kept', must be one of line, held"):
         parse_controller(text.replace('"held"', '"kept"'), "a bag")
+
+
+@pytest.mark.parametrize(("held", "told"), [(True, False), (False, True)], ids=["stated", "left out"])
+def test_what_is_followed_between_two_goals_is_asked(held: bool, told: bool) -> None:
+    """A leg's data set does not say whether goals are held, and nothing asked."""
+    fitted, _ = Arms().trials([recording(100.0, 100.0, held, 0.0, 0)], [])
+    notes = Arms().notes(fitted)
+    assert [("every 10 ms" in n and "5 ms of delay" in n) for n in notes] == ([True] if told else [])

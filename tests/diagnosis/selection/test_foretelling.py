@@ -102,16 +102,32 @@ def test_what_makes_the_held_out_gap_grow_for_sure_is_not_named(
         ({"there": 30.0}, "effect"),  # seen in residuals
         ({"gains": 400.0}, "effect"),  # there, and not again
         ({"by_chance": True}, "effect"),
-        ({"width": 0.005, "won": 32.0}, "effect"),  # little motion, for sure
-        ({"width": 0.005, "won": 32.0, "margin": -0.01}, "no_gap"),  # less than a rival's
+        ({"width": 0.005, "won": 20.0}, "effect"),  # little motion, for sure
+        ({"width": 0.005, "won": 20.0, "margin": -0.01}, "no_gap"),  # less than a rival's
         ({"width": 0.005, "won": 2.0}, "no_gap"),  # and nothing in residuals
+        ({"won": 32.0}, "effect"),  # as much as foretold, and nothing in motion
+        ({"won": 19.0}, "no_gap"),  # half of that, as noise in a regressor wins
+        ({"won": 32.0, "shrink": -0.2}, "no_gap"),  # motion denies it
     ],
-    ids=["nowhere", "motion", "residual", "sure", "chance", "a little", "as a rival", "motion alone"],
+    ids=[
+        "nowhere",
+        "motion",
+        "residual",
+        "sure",
+        "chance",
+        "a little",
+        "as a rival",
+        "motion alone",
+        "foretold",
+        "half foretold",
+        "denied",
+    ],
 )
 def test_what_unseen_recordings_show_nowhere_is_no_effect(changes: dict, verdict: str) -> None:
     """A gantry with nothing wrong had 51 nat of a residual that was noise, and 1 % of the gap.
 
-    An encoder off by 6 mrad has 59, of which unseen recordings show 32, and 4 % [3, 6].
+    The gantry's unseen recordings won 19 of 34 by it, and lost motion. Those of an arm whose encoder was off
+    by 6 mrad won 32 of 39, and 4 % [3, 6]; those of a drive 12 % too strong 16.5 of 17.5 and no motion.
     """
     usual = {"shrink": 0.01, "there": 0.0, "gains": 51.0, "by_chance": False}
     given = {**usual, "width": 0.05, "won": 0.0, "margin": 0.02, **changes}
@@ -125,6 +141,7 @@ def test_what_unseen_recordings_show_nowhere_is_no_effect(changes: dict, verdict
     selection = replace(
         chosen_from([cast("Fit", fit)]), rivals=(), excess=0.0, remaining=0.0,
         held_out_excess=given["there"], held_out_remaining=0.0, held_out_gain=given["won"],
+        held_out_expected=39.0,
     )  # fmt: skip
     outcome = decide(selection, [first], [], [], HowFar(gap, ()), VerdictSettings())
     assert outcome.verdict == verdict

@@ -106,9 +106,7 @@ class ControllerKind(ABC):
             stated={**own, **{name: about[name] for name in (*self.choices, *COMMON_KEPT) if name in about}},
         )
 
-    def _check_positive(
-        self, about: Mapping[str, Any], values: Mapping[str, np.ndarray], where: str
-    ) -> None:
+    def _check_positive(self, about: Mapping[str, Any], values: Mapping[str, np.ndarray], where: str) -> None:
         """Refuse numbers that must be above zero and are not; a joint without a drive has none.
 
         Raises:

@@ -171,7 +171,8 @@ class Evidence:
             if effect.why_unobservable(trial) is not None:
                 continue
             for place in effect.places(trial):
-                forms = effect.forms(trial, place)
+                # Of the recording that shows most: the limit of a law's output is not reached in all.
+                forms = max((effect.forms(t, place) for t in self.likelihood.trials), key=len)
                 tried = max(1, sum(len(form.shapes) for form in forms))
                 for form in forms:
                     for shape in form.shapes:
@@ -247,6 +248,23 @@ def implausible(h: Hypothesis, trial: Observed, amplitudes: np.ndarray) -> bool:
         return False
     values = h.form.parameters(trial, h.shape, amplitudes)
     return any(abs(value) > ranges.get(name.partition("[")[0], np.inf) for name, value in values.items())
+
+
+def is_there(h: Hypothesis, members: Sequence[Hypothesis]) -> bool:
+    """Whether a member is the same effect at the same place, or one of the two contains the other.
+
+    A friction that depends on the direction has a mean, which is Coulomb's. Both at one joint are one law,
+    whose sign has another shape.
+    """
+    return any(
+        h.place == m.place
+        and (
+            h.effect.family == m.effect.family
+            or h.effect.family in m.effect.contains
+            or m.effect.family in h.effect.contains
+        )
+        for m in members
+    )
 
 
 def on_bound(h: Hypothesis) -> list[str]:

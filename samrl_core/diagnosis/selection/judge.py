@@ -73,14 +73,9 @@ def judge_sets(
             simple, denied = judge_set(likelihood, held, plainer, settings, simulate, seed, progress, doubts)
             if simple.outcome.verdict != "none_of_mine" and comes_as_close(simple.far.gap, one.far.gap):
                 one, contradicted = simple, denied
-        while further := _superfluous(one):
-            fewer = without_member(likelihood, held, one.selection, further)
-            if fewer.chosen is None or not np.isfinite(fewer.chosen.log_evidence):
-                break
-            less, denied = judge_set(likelihood, held, fewer, settings, simulate, seed, progress, doubts)
-            if less.outcome.verdict == "none_of_mine":
-                break
-            one, contradicted = less, denied
+        without = _without_superfluous(likelihood, held, one, settings, simulate, seed, progress, doubts)
+        if without is not None:
+            one, contradicted = without, ()
         if one.outcome.verdict != "none_of_mine" and (nearest is None or _replaces(one, nearest)):
             return one
         nearest = nearest or one
@@ -115,11 +110,33 @@ def _attempts(
         tried = selection.again(waiting.pop(0))
 
 
-def _superfluous(one: Judged) -> tuple[int, ...]:
-    """The last further member of a set that is named for which nothing certain speaks; none if all stand."""
-    if one.outcome.verdict not in ("effect", "ambiguous") or len(one.named) < 2:
-        return ()
-    return find_superfluous(one.selection, one.named, one.far)[-1:]
+def _without_superfluous(
+    likelihood: Likelihood,
+    held: Likelihood,
+    one: Judged,
+    settings: rules.VerdictSettings,
+    simulate: bool,
+    seed: int,
+    progress: Callable[[str], None],
+    doubts: Doubts,
+) -> Judged | None:
+    """The set without further members for which nothing certain speaks; None where all stand, or it falls.
+
+    What stood beside one of them need not stand without it: what is contradicted then goes too.
+    """
+    if one.outcome.verdict == "none_of_mine" or len(one.named) < 2:
+        return None
+    less, leave = one, find_superfluous(one.selection, one.named, one.far)[-1:]
+    while leave:
+        fewer = without_member(likelihood, held, less.selection, leave)
+        if fewer.chosen is None or not np.isfinite(fewer.chosen.log_evidence):
+            return None
+        less, denied = judge_set(likelihood, held, fewer, settings, simulate, seed, progress, doubts)
+        if less.outcome.verdict == "none_of_mine":
+            leave = tuple(k for k in denied if k > 0)
+        else:
+            leave = find_superfluous(less.selection, less.named, less.far)[-1:]
+    return None if less is one or less.outcome.verdict == "none_of_mine" else less
 
 
 def _plainer(likelihood: Likelihood, held: Likelihood, one: Judged) -> Selection | None:

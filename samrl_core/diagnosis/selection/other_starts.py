@@ -13,7 +13,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from samrl_core.diagnosis.selection.contenders import ALIKE
-from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, Hypothesis, on_bound
+from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, Hypothesis, is_there, on_bound
 
 STARTS = 2  # further first effects that are tried
 TIE = 0.02  # of the evidence, that formulas lose by not being the thing itself
@@ -90,11 +90,11 @@ def in_plain_terms(evidence: Evidence, pool: Sequence[Hypothesis], fit: Fit) -> 
     for index, mine in enumerate(fit.hypotheses):
         if len(fit.hypotheses) == 1 or not mine.effect.contains:
             continue
-        taken = {h.name for h in fit.hypotheses}
+        others = [h for h in fit.hypotheses if h is not mine]
         plain = [
             h
             for h in pool
-            if h.place == mine.place and h.effect.family in mine.effect.contains and h.name not in taken
+            if h.place == mine.place and h.effect.family in mine.effect.contains and not is_there(h, others)
         ]
         sets = [evidence.fit([*fit.hypotheses[:index], h, *fit.hypotheses[index + 1 :]]) for h in plain]
         sets = [s for s in sets if np.isfinite(s.log_evidence)]

@@ -15,6 +15,7 @@ from samrl_core.diagnosis.selection.hypothesis import (
     Hypothesis,
     all_on_bound,
     hypothesis,
+    is_there,
     on_bound,
 )
 
@@ -158,28 +159,11 @@ def _closest_onset(attempt: Callable[[Hypothesis, float], Fit | None], best: Fit
     return best
 
 
-def _is_there(h: Hypothesis, members: Sequence[Hypothesis]) -> bool:
-    """Whether a member is the same effect at the same place, or one of the two contains the other.
-
-    A friction that depends on the direction has a mean, which is Coulomb's. Both at one joint are one law,
-    whose sign has another shape.
-    """
-    return any(
-        h.place == m.place
-        and (
-            h.effect.family == m.effect.family
-            or h.effect.family in m.effect.contains
-            or m.effect.family in h.effect.contains
-        )
-        for m in members
-    )
-
-
 def find_extensions(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit) -> list[Fit]:
     """The best sets with one more effect that undoes none of the others, one for each place, best first."""
     best: dict[str, Fit] = {}
     for h in pool:
-        if _is_there(h, chosen.hypotheses):
+        if is_there(h, chosen.hypotheses):
             continue
         fit = evidence.fit([*chosen.hypotheses, h])
         if h.name not in best or fit.log_evidence > best[h.name].log_evidence:
@@ -209,7 +193,7 @@ def swap_members(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit, fi
         best, mine = chosen, chosen.hypotheses[index].name
         forms: dict[tuple[str, str], Fit] = {}
         for h in pool:
-            if _is_there(h, others) or (index < first and h.name != mine):
+            if is_there(h, others) or (index < first and h.name != mine):
                 continue
             # In its place: the order says which effect is the first, and rounding must not change it.
             fit = evidence.fit([*others[:index], h, *others[index:]])
@@ -241,7 +225,7 @@ def find_rivals(
     mine, *others = chosen.hypotheses
     best: dict[str, Fit] = {}
     for h in pool:
-        if h.name == mine.name or _is_there(h, others):
+        if h.name == mine.name or is_there(h, others):
             continue
         fit = evidence.fit([h, *others])
         if np.isfinite(fit.log_evidence) and (

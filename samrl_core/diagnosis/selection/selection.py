@@ -279,15 +279,19 @@ def without_member(
     assert selection.chosen is not None
     evidence = Evidence(likelihood, selection.correlation_time)
 
-    def fewer(fit: Fit) -> Fit:
-        return evidence.fit([h for i, h in enumerate(fit.hypotheses) if i not in members])
+    alone = {f.hypotheses[0].name: f for f in selection.singles}
 
-    chosen = fewer(selection.chosen)
-    others = [fewer(f) for f in selection.rivals]
+    def fewer(fit: Fit) -> Fit:
+        left = evidence.fit([h for i, h in enumerate(fit.hypotheses) if i not in members])
+        # A shape that was found beside what is gone need not be possible alone.
+        single = alone.get(left.hypotheses[0].name, left) if len(left.hypotheses) == 1 else left
+        return max(left, single, key=lambda f: f.log_evidence)
+
+    chosen, others = fewer(selection.chosen), [fewer(f) for f in selection.rivals]
     if len(chosen.hypotheses) == 1:
         # Beside what is gone some were impossible or worth nothing that alone are rivals.
-        found = {chosen.hypotheses[0].name, *(f.hypotheses[0].name for f in others)}
-        others += [f for f in selection.singles if f.hypotheses[0].name not in found]
+        found = {f.hypotheses[0].name for f in (chosen, *others)}
+        others += [f for name, f in alone.items() if name not in found]
     rivals = tuple(sorted(others, key=lambda f: -f.log_evidence))
     return with_chosen(likelihood, held_out, selection, chosen, rivals)
 
@@ -320,17 +324,14 @@ def held_out_remainder(held_out: Likelihood, fit: Fit) -> np.ndarray:
 
 
 def held_out_gains(held_out: Likelihood, fit: Fit, correlation: float) -> tuple[float, float]:
-    """Log likelihood [nat] that held-out residuals win by a fit as it is, and that they would were it exact.
-
-    With p what the fit predicts: p' S^-1 y - p' S^-1 p / 2, and p' S^-1 p / 2.
-    """
+    """Log likelihood [nat] that held-out residuals win by a fit as it is, and would win were it exact."""
     if not held_out.blocks:
         return 0.0, 0.0
     return gains(held_out, held_out.y - held_out_remainder(held_out, fit), held_out.y, correlation)
 
 
 def gains(held_out: Likelihood, p: np.ndarray, y: np.ndarray, correlation: float) -> tuple[float, float]:
-    """What residuals y (N,) win by a prediction p (N,), and what they would win were it exact [nat]."""
+    """What residuals y (N,) win by a prediction p (N,), p' S^-1 (y - p / 2), and p' S^-1 p / 2 [nat]."""
     weighed = (p - held_out.tolerated(p, correlation)) / correlation
     expected = 0.5 * float(weighed @ p)
     return float(weighed @ y) - expected, expected

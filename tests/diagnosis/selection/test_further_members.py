@@ -14,7 +14,7 @@ from samrl_core.diagnosis.result import NamedEffect, ParameterEstimate
 from samrl_core.diagnosis.selection import judge
 from samrl_core.diagnosis.selection.further_members import find_superfluous
 from samrl_core.diagnosis.selection.how_far import HowFar, how_far
-from samrl_core.diagnosis.selection.hypothesis import Fit, Hypothesis
+from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, Hypothesis
 from samrl_core.diagnosis.selection.judge import Judged, judge_sets
 from samrl_core.diagnosis.selection.search import find_extensions
 from samrl_core.diagnosis.selection.selection import Selection
@@ -107,3 +107,40 @@ def test_a_friction_that_another_contains_is_no_further_effect() -> None:
     assert [h.effect.family for h in found.hypotheses] == ["first", "second"]
     bench.first.effect.__dict__["contains"] = ("second",)
     assert not find_extensions(bench.evidence, [bench.second], chosen)
+
+
+def test_what_stood_beside_a_superfluous_effect_goes_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A leg's payload went, and the inertia that had stood beside it was no law any more."""
+    third = named("reflected_inertia@joint:a", Ja=(0.03, 0.07))
+    of = {1: (GAINS,), 2: (GAINS, third), 3: (GAINS, third, named("payload@arm:a", mass=(-0.03, 0.01)))}
+    sets = {k: Fit(tuple(member() for _ in range(k)), (np.ones(1),) * k, np.eye(k), 100.0) for k in of}
+
+    def judge_set(likelihood: Any, held: Any, tried: Selection, *rest: Any) -> tuple[Judged, tuple[int, ...]]:
+        assert tried.chosen is not None
+        count = len(tried.chosen.hypotheses)
+        verdict, denied = ("none_of_mine", (1,)) if count == 2 else ("effect", ())
+        return Judged(tried, of[count], (), (), HowFar(None, ()), Decision(verdict, ())), denied
+
+    def without(likelihood: Any, held: Any, was: Selection, members: tuple[int, ...]) -> Selection:
+        assert was.chosen is not None
+        return selection_of(sets[len(was.chosen.hypotheses) - len(members)])
+
+    monkeypatch.setattr(judge, "judge_set", judge_set)
+    monkeypatch.setattr(judge, "without_member", without)
+    empty = cast("Likelihood", None)
+    found = judge_sets(empty, empty, selection_of(sets[3]), VerdictSettings(), False, 0, lambda _: None)
+    assert found.named == (GAINS,)
+
+
+def test_forms_are_those_of_the_recording_that_shows_most() -> None:
+    """A leg's first recording never reached its limit, so that no gain was tried whose torque is clipped."""
+    bench = Bench(1.0, 0.4)
+    more = (bench.first.form, bench.second.form)
+    effect = SimpleNamespace(
+        family="a", prior_cost=0.0, why_unobservable=lambda trial: None, places=lambda trial: (None,),
+        forms=lambda trial, place: more if trial is bench.unseen else more[:1],
+    )  # fmt: skip
+    for form in more:
+        form.__dict__["shapes"] = ({},)
+    whole = Evidence(Likelihood([bench.fitted, bench.unseen]))
+    assert [h.form for h in whole.screen([cast("Any", effect)])] == list(more)

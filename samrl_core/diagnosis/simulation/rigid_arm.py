@@ -39,7 +39,7 @@ class RigidArm:
         if missing := [name for name in arm.joints if name not in moving]:
             raise InputError(f"joints {missing} of {arm.role} are not in its URDF, which has {moving}")
         locked = [whole.getJointId(name) for name in moving if name not in arm.joints]
-        model = pin.buildReducedModel(whole, locked, pin.neutral(whole)) if locked else whole
+        model = _reduced(whole, locked) if locked else whole
         gravity = arm.controller.gravity if arm.controller else STANDARD_GRAVITY
         model.gravity = pin.Motion(np.asarray(gravity, dtype=float), np.zeros(3))
         self.joints = arm.joints
@@ -204,6 +204,23 @@ def add_tool(model: Any, joint: int, flange_in_joint: Any, tool: NominalTool) ->
     """Fix a payload to the flange of a Pinocchio model."""
     inertia = pin.Inertia(tool.mass, np.asarray(tool.center_of_mass), np.asarray(tool.inertia))
     model.inertias[joint] = model.inertias[joint] + inertia.se3Action(flange_in_joint)
+
+
+def _reduced(whole: Any, locked: list[int]) -> Any:
+    """The model with joints of these numbers held at zero.
+
+    Pinocchio looks a locked joint up by the name of its frame alone, and gives up where a link has the same
+    name, as ANYmal's legs do. Links have another one meanwhile.
+    """
+    own = {}
+    for frame in whole.frames:
+        if frame.type != pin.FrameType.JOINT and frame.name in whole.names:
+            renamed = f"{frame.name} (link)"
+            own[renamed], frame.name = frame.name, renamed
+    model = pin.buildReducedModel(whole, locked, pin.neutral(whole))
+    for frame in model.frames:
+        frame.name = own.get(frame.name, frame.name)
+    return model
 
 
 def _flange(model: Any, last_joint: int) -> tuple[int, str, Any]:

@@ -85,7 +85,8 @@ class TargetSize(Form[PoseTrial]):
 
     def parameters(self, trial: PoseTrial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
         share = float(amplitudes[0])
-        return {self.amplitudes[0]: share / (1.0 - share)}
+        # No target is so large that nothing is left of what is seen: `is_admissible` says so, this has no end.
+        return {self.amplitudes[0]: share / (1.0 - share) if share < 1.0 else float("inf")}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -313,3 +313,13 @@ def test_noise_grows_with_the_distance_where_the_poses_show_it(grown: tuple[int,
         found = growth_power(left, distance)
         assert tuple(found > 0) == tuple(np.array(grown) > 0), (seed, found)
     assert not growth_power(left, np.full(150, 0.5)).any()
+
+
+def test_rough_views_of_a_target_of_any_size_end_in_a_verdict() -> None:
+    """Three calibrations of MoveIt's users ended in a division by zero: a size of twice its wide spread."""
+    whole = record(PoseWorld(at_rest=True, stated=False))
+    rng = np.random.default_rng(3)
+    seen = whole.seen.position + rng.normal(0.0, 0.05, whole.seen.position.shape)
+    rough = replace(whole, seen=PoseTrack(whole.seen.time, seen, whole.seen.quat_xyzw))
+    fit, held_out = split_poses(rough)
+    assert diagnose([fit], [held_out], DiagnosisSettings())[0].verdict in ("no_gap", "none_of_mine")

@@ -14,8 +14,8 @@ _NUMBER = re.compile(r"\d+")
 _ELECTRIC = re.compile(r"(?:[\[(]|_)(m?[VA])(?:[\])]|$)")  # unit of a motor's input at the end of a name
 
 QUANTITIES = {
-    "position": "q pos position positions qpos theta angle angles rad deg counts encoder enc tick ticks"
-    " winkel",
+    "position": "q pos position positions qpos theta angle angles rad radian radians deg degree degrees"
+    " counts encoder enc tick ticks winkel",
     "velocity": "dq dtheta qdot qvel vel velocity velocities speed speeds omega rpm dps drehzahl",
     "acceleration": "ddq ddtheta qddot acc accel acceleration accelerations",
     "effort": "tau torque torques effort efforts moment force forces nm mnm knm cnm ncm nmm drehmoment kraft",
@@ -27,14 +27,15 @@ COMMANDED = "cmd command commanded commands target targets ref reference desired
 COMMANDED += " set point action wanted control d soll sol actions"
 MEASURED = "actual act meas measured feedback state states obs observation present real process value ist"
 MEASURED += " sensor"
-COMPUTED = "error err output residual integral multi"
+COMPUTED = "error err output residual integral multi last prev previous"
 # Of a torque: a share that somebody worked out of it, or its rate.
 SHARES = "ext external hat interact interaction gravity g coriolis friction contact disturbance dot rate ff"
 SHARES += " feedforward"
 ENABLED = frozenset("enable enabled".split())  # whether a drive gives torque: torque_enable
 TIME = "t time times timestamp timestamps stamp stamps tstamp tstamps sec secs seconds ms us ns clock zeit"
 UNIT_WORDS = {
-    "rad": "rad", "deg": "deg", "degrees": "deg", "degree": "deg", "rpm": "rpm", "nm": "N m", "ms": "ms",
+    "rad": "rad", "radian": "rad", "radians": "rad",
+    "deg": "deg", "degrees": "deg", "degree": "deg", "rpm": "rpm", "nm": "N m", "ms": "ms",
     "us": "us", "ns": "ns", "s": "s", "sec": "s", "secs": "s", "seconds": "s", "mm": "mm", "mnm": "mN m",
     "nmm": "mN m", "knm": "kN m", "ncm": "N cm", "cnm": "N cm",
 }  # fmt: skip
@@ -69,7 +70,7 @@ class NameMeaning:
     quantity: str = ""  # a key of QUANTITIES
     commanded: bool = False
     measured: bool = False
-    computed: bool = False  # an error or an output of the controller: neither measured nor tracked
+    computed: bool = False  # an error, an output, a sample of before: neither measured now nor tracked
     unit: str = ""
 
 
@@ -171,10 +172,11 @@ def _stems(name: str, joints: Sequence[str]) -> list[tuple[str, str]]:
         if re.search(rf"(?<![A-Za-z0-9]){re.escape(joint)}(?![A-Za-z0-9])", name):
             found.append((name.replace(joint, SLOT, 1), joint))
             break
-    parts = name.split(".")
-    for k, part in enumerate(parts):
-        if len(parts) > 1 and not meaning(part).quantity and not _is_role(part):
-            found.append((".".join([*parts[:k], SLOT, *parts[k + 1 :]]), part))
+    for between in "./":  # PlotJuggler writes /joint_states/shoulder/position
+        parts = name.split(between)
+        for k, part in enumerate(parts):
+            if len(parts) > 1 and part and not meaning(part).quantity and not _is_role(part):
+                found.append((between.join([*parts[:k], SLOT, *parts[k + 1 :]]), part))
     for run in _NUMBER.finditer(name):
         found.append((name[: run.start()] + SLOT + name[run.end() :], run.group()))
     words = re.split(r"(_)", name)

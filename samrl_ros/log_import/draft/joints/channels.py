@@ -22,6 +22,7 @@ _TORQUES = frozenset(QUANTITIES["effort"].split())
 _RTDE_MODEL = "target_moment_{}"
 _FOLLOWS = 0.8  # correlation from which a block is taken as what the arm followed
 _MOVES_WITH = 0.98  # correlation from which a block of an unknown name is taken as the command, and asked for
+_LIES_ON = 0.2  # of a joint's motion, within which a set point stays from its position
 
 
 def _beside(
@@ -260,10 +261,23 @@ def add_effort(
             " torque of a sensor behind the gears (--effort link), or a motor's current (multiply it by its"
             " torque constant and gear ratio in the mapping; --effort none leaves it out)"
         )
+        if _lies_on(best, position):
+            question += "; or a set point, as it lies on the position: then it is the command's position"
     asks = "" if effort is Effort.ask else "torque_unit"
     draft.note("channels.commanded_effort.effort", f"{name_of(best)}: the name says effort", question, asks)
     draft.channels["commanded_effort"] = {"source": source, "effort": quantity}
     return [best, *currents]
+
+
+def _lies_on(effort: NamedBlock, position: NamedBlock) -> bool:
+    """Whether numbers called efforts are those of the positions, up to a fifth of the motion."""
+    if effort.part is not position.part or effort.block.labels != position.block.labels:
+        return False
+    rows = position.block.rows & effort.block.rows
+    q = position.block.values[rows[position.block.rows]]
+    apart = np.abs(effort.block.values[rows[effort.block.rows]] - q).max(axis=0)
+    moving = np.ptp(q, axis=0) > 0.0
+    return bool((apart < _LIES_ON * np.ptp(q, axis=0))[moving].any())
 
 
 def _torque_unit(best: NamedBlock) -> tuple[str, bool]:

@@ -22,7 +22,12 @@ from samrl_ros.log_import.draft.joints.arm_messages import (
     numbered_joints,
 )
 from samrl_ros.log_import.draft.joints.channels import add_command, add_effort, add_velocity
-from samrl_ros.log_import.draft.joints.named_blocks import nothing_measured, without_tool
+from samrl_ros.log_import.draft.joints.named_blocks import (
+    asked_of_still,
+    by_one_unit,
+    nothing_measured,
+    without_tool,
+)
 from samrl_ros.log_import.draft.joints.named_sources import NamedBlock, add_source, name_of, quantity_of
 from samrl_ros.log_import.draft.joints.run_files import files_in, recordings_of, runs_alike
 from samrl_ros.log_import.draft.joints.speed_alone import integrate_speeds
@@ -285,12 +290,14 @@ def _measured_position(found: list[NamedBlock], joints: Sequence[str], draft: Dr
         key=lambda c: (
             len(set(c.block.labels) & set(joints)),
             c.part.kind == "sensor_msgs/msg/JointState",
+            bool(np.ptp(c.block.values, axis=0).any()),
             len(c.block.labels),
             c.meaning.measured,
             len(c.block.values),
         ),
     )
     rivals = [c for c in fits if c.block is not best.block and len(c.block.labels) == len(best.block.labels)]
+    best, rivals = by_one_unit(best, rivals, draft)
     standard = best.part.kind == "sensor_msgs/msg/JointState"
     question = ""
     if rivals and not standard:
@@ -351,7 +358,7 @@ def _joints(position: NamedBlock, joints: Sequence[str], urdf: str | None, draft
         )
         return list(labels)
     draft.joints = [_joint_name(label, k) for k, label in enumerate(labels)]
-    draft.note("joints", "the log's names; there is no URDF")
+    draft.note("joints", "the log's names; there is no URDF", asked_of_still(position))
     return list(labels)
 
 

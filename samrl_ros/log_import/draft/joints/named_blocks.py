@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from samrl_ros.log_import.draft.column_names import words_in
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.joints.named_sources import NamedBlock, name_of
 
 _TOOL = frozenset("tcp eef ee".split())
 _SHOWN = 20  # columns that a message names
+_SAME = 1e-4  # of an angle's largest, by which the same angle in another unit may differ: digits
+_UNITS = (1.0, np.pi / 180.0, 180.0 / np.pi)  # of one angle's numbers to those of another
 
 
 def without_tool(found: list[NamedBlock], draft: Draft) -> list[NamedBlock]:
@@ -21,6 +25,34 @@ def without_tool(found: list[NamedBlock], draft: Draft) -> list[NamedBlock]:
     return kept
 
 
+def by_one_unit(
+    best: NamedBlock, rivals: Sequence[NamedBlock], draft: Draft
+) -> tuple[NamedBlock, list[NamedBlock]]:
+    """The same angle in deg and in rad is one: the column whose name says its unit, and the other rivals."""
+    same = [each for each in rivals if _is_same_angle(each, best)]
+    left = [each for each in rivals if each not in same]
+    told = next((each for each in (best, *same) if each.meaning.unit in ("rad", "deg")), best)
+    draft.unused += [f"{name_of(e)}: {name_of(told)} once more" for e in (best, *same) if e is not told]
+    return told, left
+
+
+def _is_same_angle(one: NamedBlock, other: NamedBlock) -> bool:
+    first, second = one.block.values, other.block.values
+    if first.shape != second.shape or one.part is not other.part or not first.any():
+        return False
+    return any(np.allclose(first, k * second, rtol=0.0, atol=_SAME * np.abs(first).max()) for k in _UNITS)
+
+
+def asked_of_still(position: NamedBlock) -> str:
+    """What is asked of joints whose every number is zero beside others': places of a message, as it seems."""
+    zero = ~position.block.values.any(axis=0)
+    still = [label for label, is_zero in zip(position.block.labels, zero, strict=True) if is_zero]
+    if not still or zero.all():
+        return ""
+    said = "are zero throughout: do they stand still? What nothing measures is to be taken out"
+    return f"{', '.join(still)} {said}"
+
+
 def nothing_measured(found: Sequence[NamedBlock]) -> str:
     """Why no position was found, and what to do about it."""
     columns = [f"{c.part.path.name}: {name}" for c in found for name in c.block.columns]
@@ -30,11 +62,13 @@ def nothing_measured(found: Sequence[NamedBlock]) -> str:
         return (
             f"{columns[0]} is one column, and nothing to compare it with is beside it: a second clock's"
             " stamps, the true distance, a command; columns need names in a first line, such as device,host"
+            " or time,position"
         )
     shown = ", ".join(columns[:_SHOWN]) + (", ..." if len(columns) > _SHOWN else "")
     if all(name.isdecimal() for c in found for name in c.block.columns):
         return f"{shown} have no names; name the columns in a first line, such as time,q1,q2,tau1,tau2"
     return (
-        f"no measured position was found among {shown}; write the mapping by hand, or name the robot's"
-        " URDF by --urdf if columns are called as its joints are"
+        f"no measured position was found among {shown}; say in the first line what columns hold, such as"
+        " time,position,target,torque, write the mapping by hand, or name the robot's URDF by --urdf if"
+        " columns are called as its joints are"
     )

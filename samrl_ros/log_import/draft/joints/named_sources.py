@@ -14,6 +14,8 @@ from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.text_layout import stated_options
 
 _COARSE = 0.5  # of the steps: a time that stands still in more of them tells no row from the next
+_RESTART = 10.0  # steps by which a clock goes back where it starts anew
+_LEAST_RUN, _MOST_RUNS = 100, 20  # rows of a run, and runs, into which one table is cut
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,11 +75,43 @@ def add_source(part: LogPart, name: str, draft: Draft) -> np.ndarray:
         )  # fmt: skip
         source["time"] = {"rate_hz": rate}
         time = np.arange(rows) / rate
-    if "time" in source and (np.diff(time) <= 0).any():
+    if "time" in source and not _cut_runs(time, key, draft) and (np.diff(time) <= 0).any():
         source["time"] = {**source["time"], "repeated": "drop"}
-        draft.note(key, f"{int((np.diff(time) <= 0).sum())} steps do not increase; such rows are left out")
+        behind = int((time[1:] <= np.maximum.accumulate(time)[:-1]).sum())
+        draft.note(
+            key, f"{int((np.diff(time) <= 0).sum())} steps do not increase; {behind} rows are left out"
+        )
     source["columns"] = {}
     return time
+
+
+def _cut_runs(time: np.ndarray, key: str, draft: Draft) -> bool:
+    """Whether a clock starts anew and the recording was cut there: runs below each other in one table.
+
+    Where there are too many of them, or short ones, it is asked and nothing is cut.
+    """
+    step = float(np.median(np.abs(np.diff(time))))
+    anew = np.flatnonzero(np.diff(time) < -_RESTART * step) + 1
+    if not len(anew):
+        return False
+    edges = [0, *anew.tolist(), len(time)]
+    said = (
+        f"the clock starts anew {len(anew)} times, first at row {edges[1]},"
+        f" from {time[edges[1] - 1]:.4g} to {time[edges[1]]:.4g} s"
+    )
+    if len(draft.recordings) != 1 or len(anew) >= _MOST_RUNS or min(np.diff(edges)) < _LEAST_RUN:
+        question = (
+            "runs, or machines, below each other? Put each into a table of its own; here most are left out"
+        )
+        draft.note(key, said, question)
+        return False
+    draft.note(key, said, f"are these {len(anew) + 1} runs of one machine, as they are cut by `rows`?")
+    name = draft.recordings[0]["name"]
+    draft.recordings[:] = [
+        {"name": f"{name}_{k}", "role": "held_out" if k == len(anew) + 1 else "fit", "rows": [first, end]}
+        for k, (first, end) in enumerate(zip(edges[:-1], edges[1:], strict=True), 1)
+    ]
+    return True
 
 
 def quantity_of(each: NamedBlock, order: list[str], unit: str, draft: Draft, source: str) -> dict[str, Any]:

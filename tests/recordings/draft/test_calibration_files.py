@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from samrl_core.common.errors import InputError
 from samrl_ros.cli.main import run
 from samrl_ros.log_import.any_importer import import_any
+from samrl_ros.log_import.draft.any_draft import draft_any
 from samrl_ros.log_import.draft.tracks.logged_tracks import read_logged_tables
 from samrl_ros.log_import.specs import CsvOptions
 from samrl_ros.log_import.tables import read_table
@@ -167,3 +169,22 @@ def _transform(pose: np.ndarray) -> dict[str, dict[str, float]]:
 def _written(path: Path, text: str) -> Path:
     path.write_text(text)
     return path
+
+
+def test_a_target_of_another_size_is_asked_for(tmp_path: Path) -> None:
+    """As MoveIt's users save them: the tag's size was typed in wrongly, and no transform makes up for it."""
+    (seen, hand), factor = poses(), 0.31
+    noise = np.random.default_rng(7).normal(0.0, 0.001, (VIEWS, 3))
+    seen[:, :3, 3] = (seen[:, :3, 3] + noise) / factor
+    draft = draft_any([moveit(tmp_path, seen, hand)], None, None)
+    assert "camera_arm" in draft.poses
+    (question,) = draft.questions
+    told = re.search(r"([\d.]+) times that size closes the chain to ([\d.]+) mm", question)
+    assert told and float(told[1]) == pytest.approx(factor, rel=0.03) and float(told[2]) < 5.0
+
+
+def test_a_target_of_its_size_is_not_asked_for(tmp_path: Path) -> None:
+    seen, hand = poses()
+    seen[:, :3, 3] += np.random.default_rng(7).normal(0.0, 0.008, (VIEWS, 3))
+    draft = draft_any([moveit(tmp_path, seen, hand)], None, None)
+    assert not any("size" in question for question in draft.questions)

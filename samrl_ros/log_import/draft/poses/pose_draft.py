@@ -21,6 +21,7 @@ from samrl_core.diagnosis.residuals.poses.solve import closing_error
 from samrl_ros.log_import.draft.column_names import BASES, CAMERAS, CARRIED, SEEN, words_in
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.poses.pose_turns import turns_apart
+from samrl_ros.log_import.draft.poses.seen_size import best_size
 from samrl_ros.log_import.draft.tracks.angle_names import are_makers_letters
 from samrl_ros.log_import.draft.tracks.logged_tracks import LoggedTrack
 from samrl_ros.log_import.draft.tracks.pose_runs import PoseRuns, find_pose_runs
@@ -47,6 +48,7 @@ NOTHING_M = 1e-4  # that two descriptions must differ by at least: poses that st
 LONGEST_REST_S = 600.0  # from one pair of poses at rest to the next
 TURN = 0.02  # [rad] by which turns of target and flange may differ in any case
 CLOSES_M = 0.05  # beyond it no description fits
+MOST_SIZED = 4  # descriptions, of which a size of the target is tried
 MOST_VIEWS = 300  # by which descriptions are compared
 MOST_CM = 250.0  # that a camera sees or an arm reaches
 
@@ -253,10 +255,10 @@ def _describe(
         if (recording := read_described(poses, cache, draft)) is not None:
             likely.append((turns_apart(recording), recording, poses, said))
     most = CLEARLY * min((one[0] for one in likely), default=0.0) + TURN
-    found: list[tuple[float, dict[str, Any], str]] = []
+    found: list[tuple[float, dict[str, Any], str, PoseRecording]] = []
     for apart, recording, poses, said in likely:
         if apart <= most and (left := closing(recording)) is not None:
-            found.append((left, poses, said))
+            found.append((left, poses, said, recording))
     if not found:
         raise InputError(
             f"{seen.name} and {carried.name} are no poses of one target and one flange that can be compared;"
@@ -266,15 +268,23 @@ def _describe(
     arm = chains.arm if chains is not None else ""
     told = [one for one in found if arm in one[1]] if arm else []
     against = told and told[0][0] > CLEARLY * found[0][0] + NOTHING_M
-    left, poses, said = told[0] if told else found[0]
+    size, sized = best_size([(one[3], one[0]) for one in (told or found)[:MOST_SIZED]])
+    left, poses, said, _ = (told or found)[sized]
     arm = next(key for key in arms if key in poses)
     reason = f"{said}: the chain then closes to {1e3 * left:.1f} mm"
     if told:
         reason = f"the frames say that {reason}"
-    elif len(found) > 1:
+    elif len(found) > 1 and not sized:
         reason += f", to {1e3 * found[1][0]:.0f} mm if {found[1][2]}"
     draft.poses, draft.closes_m = poses, left
-    if left > CLOSES_M:
+    if size is not None:
+        closes = f"to {1e3 * size.closes_m:.1f} mm"
+        reason += f", {closes} if all that is seen is {size.factor:.2f} times as far away"
+        question = (
+            f"which size was the detector told? {size.factor:.2f} times that size closes the chain"
+            f" {closes}: correct the poses that it gave, or the unit of the arm's"
+        )
+    elif left > CLOSES_M:
         question = "no description closes the chain; are these one target and one flange, in these units?"
     elif against:
         question = f"it closes to {1e3 * found[0][0]:.1f} mm if {found[0][2]}; which of them is it?"

@@ -1,0 +1,97 @@
+"""Whether a chain of poses closes once what is seen is of another size: a tag's size typed in wrongly.
+
+A detector that is told a wrong size gives every position by one factor. No transform makes up for it; where
+none is stated nothing else contradicts it: the chain stays open, and its opening looks like noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from samrl_core.cell.types.pose_recording import PoseRecording
+from samrl_core.common.errors import InputError
+from samrl_core.diagnosis.residuals.poses.chain import Chain
+from samrl_core.diagnosis.residuals.poses.solve import closing_error, solved
+
+ROUGH_M = 0.003  # that a chain stays open by, from which on sizes are tried
+CLEARLY = 2.5  # times closer than as it is: that is no noise
+LEAST = 0.03  # relative, of a size that is told
+_SETTLED, _ROUNDS = 0.005, 8  # relative change of the factor, and rounds until it
+_ROBUST_ROUNDS = 5
+
+
+@dataclass(frozen=True)
+class SeenSize:
+    """A size at which the chain closes."""
+
+    factor: float  # by which seen positions have to be multiplied
+    closes_m: float
+
+
+def find_seen_size(recording: PoseRecording, closes_m: float) -> SeenSize | None:
+    """The factor of the seen positions that closes the chain clearly better; None where none does.
+
+    Turns do not depend on a size: they are solved for first, and translations and the factor then are linear.
+
+    Args:
+        recording: as described, whose transforms are solved for.
+        closes_m: to which it closes as it is [m].
+    """
+    if closes_m < ROUGH_M:
+        return None
+    factor = 1.0
+    try:
+        for _ in range(_ROUNDS):
+            more = _linear_factor(_scaled(recording, factor))
+            if not 0.0 < more * factor < np.inf:
+                return None
+            factor *= more
+            if abs(more - 1.0) < _SETTLED:
+                break
+        left = closing_error(_scaled(recording, factor))
+    except InputError:
+        return None
+    return SeenSize(factor, left) if abs(factor - 1.0) > LEAST and left < closes_m / CLEARLY else None
+
+
+def best_size(described: Sequence[tuple[PoseRecording, float]]) -> tuple[SeenSize | None, int]:
+    """The size that closes a chain best, and the number of its description; None, 0 where none is told.
+
+    Args:
+        described: recordings by likely descriptions, the best first, and to what they close [m].
+    """
+    sizes = [find_seen_size(recording, closes_m) for recording, closes_m in described]
+    told = [(size.closes_m, k) for k, size in enumerate(sizes) if size is not None]
+    number = min(told)[1] if told else 0
+    return sizes[number], number
+
+
+def _scaled(recording: PoseRecording, factor: float) -> PoseRecording:
+    return replace(recording, seen=replace(recording.seen, position=factor * recording.seen.position))
+
+
+def _linear_factor(recording: PoseRecording) -> float:
+    """The factor of the seen positions, by robust least squares over it and the free translations."""
+    constants, _ = solved([recording])
+    chain = Chain(recording, constants)
+    expected, columns = chain.predicted((0.0, 0.0))[:, :3, 3], []
+    for name in sorted(constants.free):
+        for axis in range(3):
+            moved = getattr(constants, name).copy()
+            moved[axis, 3] += 1.0
+            chain.constants = replace(constants, **{name: moved})
+            columns.append((chain.predicted((0.0, 0.0))[:, :3, 3] - expected).reshape(-1))
+    seen = chain.seen[:, :3, 3]
+    design, weight = (
+        np.stack([seen.reshape(-1), *(-column for column in columns)], axis=1),
+        np.ones(len(seen)),
+    )
+    for _ in range(_ROBUST_ROUNDS):
+        root = np.repeat(weight, 3)
+        found = np.linalg.lstsq(root[:, None] * design, root * expected.reshape(-1), rcond=1e-9)[0]
+        left = np.linalg.norm((design @ found - expected.reshape(-1)).reshape(-1, 3), axis=1)
+        weight = 1.0 / np.sqrt(1.0 + (left / max(float(np.median(left)), 1e-9)) ** 2)
+    return float(found[0])

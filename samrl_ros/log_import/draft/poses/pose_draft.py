@@ -20,7 +20,7 @@ from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.residuals.poses.solve import closing_error
 from samrl_ros.log_import.draft.column_names import BASES, CAMERAS, CARRIED, SEEN, words_in
 from samrl_ros.log_import.draft.guess import Draft
-from samrl_ros.log_import.draft.poses.pose_turns import turns_apart
+from samrl_ros.log_import.draft.poses.pose_turns import LEAST_TURN, second_turn, turns_apart
 from samrl_ros.log_import.draft.poses.seen_size import best_size
 from samrl_ros.log_import.draft.tracks.angle_names import are_makers_letters
 from samrl_ros.log_import.draft.tracks.logged_tracks import LoggedTrack
@@ -269,7 +269,7 @@ def _describe(
     told = [one for one in found if arm in one[1]] if arm else []
     against = told and told[0][0] > CLEARLY * found[0][0] + NOTHING_M
     size, sized = best_size([(one[3], one[0]) for one in (told or found)[:MOST_SIZED]])
-    left, poses, said, _ = (told or found)[sized]
+    left, poses, said, recording = (told or found)[sized]
     arm = next(key for key in arms if key in poses)
     reason = f"{said}: the chain then closes to {1e3 * left:.1f} mm"
     if told:
@@ -294,6 +294,12 @@ def _describe(
         question = _asked_of_frames(seen, carried, arm)
     draft.note(f"poses.{arm}", reason, question)
     state(arm, chains, draft)
+    stated = {"camera_in_flange", "camera_in_base"} & set(draft.poses)
+    if not stated and (turn := second_turn(recording)) < LEAST_TURN:
+        draft.note(
+            "poses", f"the flange turns by no more than {np.degrees(turn):.2f} degrees about a second axis",
+            "where the camera sits does not show without turns about two axes: record such views, or state it?",
+        )  # fmt: skip
 
 
 def state(arm: str, chains: FoundChains | None, draft: Draft) -> None:

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 from samrl_core.cell.types.pose_recording import PoseRecording
 
 MOST_TURNS = 60  # views that are compared, each with each
+LEAST_TURN = 0.02  # [rad] root mean square about a second axis, below which a chain's constants do not show
 
 
 def turns_apart(recording: PoseRecording) -> float:
@@ -30,3 +31,17 @@ def _turns(quat_xyzw: np.ndarray) -> np.ndarray:
     turned = Rotation.from_quat(quat_xyzw)
     first, second = np.triu_indices(len(quat_xyzw), 1)
     return (turned[first].inv() * turned[second]).magnitude()
+
+
+def second_turn(recording: PoseRecording) -> float:
+    """How far the flange turns about a second axis (root mean square, rad); infinite where it is not known.
+
+    A chain's constants show in turns about two axes alone (Tsai and Lenz 1989): without turns a camera may
+    sit anywhere, with turns about one axis anywhere along it.
+    """
+    arm = recording.camera_arm or recording.tool_arm
+    if arm is None or arm.flange is None or len(arm.flange.time) < 2:
+        return float("inf")
+    turned = Rotation.from_quat(arm.flange.quat_xyzw)
+    vectors = (turned.mean().inv() * turned).as_rotvec()
+    return float(np.linalg.svd(vectors, compute_uv=False)[1] / np.sqrt(len(vectors)))

@@ -298,7 +298,7 @@ def _describe(
     if not stated and (turn := second_turn(recording)) < LEAST_TURN:
         draft.note(
             "poses", f"the flange turns by no more than {np.degrees(turn):.2f} degrees about a second axis",
-            "where the camera sits does not show without turns about two axes: record such views, or state it?",
+            "without turns about two axes it does not show where the camera sits: record some, or state it?",
         )  # fmt: skip
 
 

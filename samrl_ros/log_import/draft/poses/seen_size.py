@@ -20,7 +20,7 @@ ROUGH_M = 0.003  # that a chain stays open by, from which on sizes are tried
 CLEARLY = 2.5  # times closer than as it is: that is no noise
 LEAST = 0.03  # relative, of a size that is told
 _SETTLED, _ROUNDS = 0.005, 8  # relative change of the factor, and rounds until it
-_ROBUST_ROUNDS = 5
+_ROBUST_ROUNDS, _MOST_VIEWS = 5, 80
 
 
 @dataclass(frozen=True)
@@ -63,6 +63,8 @@ def best_size(described: Sequence[tuple[PoseRecording, float]]) -> tuple[SeenSiz
     Args:
         described: recordings by likely descriptions, the best first, and to what they close [m].
     """
+    if described[0][1] < ROUGH_M:
+        return None, 0
     sizes = [find_seen_size(recording, closes_m) for recording, closes_m in described]
     told = [(size.closes_m, k) for k, size in enumerate(sizes) if size is not None]
     number = min(told)[1] if told else 0
@@ -70,7 +72,10 @@ def best_size(described: Sequence[tuple[PoseRecording, float]]) -> tuple[SeenSiz
 
 
 def _scaled(recording: PoseRecording, factor: float) -> PoseRecording:
-    return replace(recording, seen=replace(recording.seen, position=factor * recording.seen.position))
+    """Some of the views, as far away as another size makes them."""
+    seen, step = recording.seen, -(-len(recording.seen.time) // _MOST_VIEWS)
+    position = factor * seen.position[::step]
+    return replace(recording, seen=type(seen)(seen.time[::step], position, seen.quat_xyzw[::step]))
 
 
 def _linear_factor(recording: PoseRecording) -> float:

@@ -85,7 +85,7 @@ class TargetSize(Form[PoseTrial]):
 
     def parameters(self, trial: PoseTrial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
         share = float(amplitudes[0])
-        # No target is so large that nothing is left of what is seen: `is_admissible` says so, this has no end.
+        # A target of which nothing is left to see is endlessly large; `is_admissible` leaves it out.
         return {self.amplitudes[0]: share / (1.0 - share) if share < 1.0 else float("inf")}
 
 

@@ -45,7 +45,7 @@ def _is_same_angle(one: NamedBlock, other: NamedBlock) -> bool:
 
 def asked_of_still(position: NamedBlock) -> str:
     """What is asked of joints whose every number is zero beside others': places of a message, as it seems."""
-    zero = ~position.block.values.any(axis=0)
+    zero = np.asarray(~position.block.values.any(axis=0))
     still = [label for label, is_zero in zip(position.block.labels, zero, strict=True) if is_zero]
     if not still or zero.all():
         return ""

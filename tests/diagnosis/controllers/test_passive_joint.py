@@ -10,6 +10,10 @@ from scipy.integrate import solve_ivp
 
 from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
+from samrl_core.diagnosis.effects.description.model_scale import EFFECT as MODEL_SCALE
+from samrl_core.diagnosis.effects.form import Place
+from samrl_core.diagnosis.residuals.trial import Trial
+from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 from samrl_ros.log_import.draft.guess import Effort
 from samrl_ros.log_import.foreign import read_foreign
 
@@ -22,6 +26,12 @@ URDF = (
     '<parent link="base"/><child link="rod"/><axis xyz="0 1 0"/></joint></robot>'
 )
 FAMILIES = {"viscous_friction", "coulomb_friction", "load_dependent_friction", "payload", "base_tilt"}
+TWO = URDF.replace(
+    "</robot>",
+    '<link name="end"><inertial><mass value="0.2"/><inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0"'
+    ' izz="1e-3"/></inertial></link><joint name="elbow" type="continuous"><origin xyz="0 0 -0.6"/>'
+    '<parent link="rod"/><child link="end"/><axis xyz="0 1 0"/></joint></robot>',
+)
 LIBRARY = DiagnosisSettings(library=FAMILIES)
 
 
@@ -52,3 +62,21 @@ def test_a_bearings_friction_is_told_by_the_swing(viscous: float, tmp_path: Path
     (effect,) = diagnosis.effects
     assert (effect.family, effect.place) == ("viscous_friction", "joint:pivot")
     assert effect.parameters["Fv"].value == pytest.approx(viscous, rel=0.1)
+
+
+def swinging(folder: Path, urdf: str, joints: int) -> Trial:
+    """Joints that swing by themselves, as somebody logs them; whether they obey the model does not matter."""
+    time = np.arange(0.0, 6.0, 0.01)
+    angles = [0.5 * np.cos((2.0 + i) * time) for i in range(joints)]
+    header = ",".join(["time", *["pivot_rad", "elbow_rad"][:joints]])
+    np.savetxt(folder / "a.csv", np.column_stack([time, *angles]), delimiter=",", header=header, comments="")
+    recording = read_foreign(folder / "a.csv", urdf, None, Effort.passive)[0]
+    return Trial(recording, RigidArm(recording.arm))
+
+
+def test_no_torque_is_off_by_a_factor_where_none_was_logged(tmp_path: Path) -> None:
+    """A double pendulum with nothing wrong had "torques 0.25": zero times a factor explains nothing."""
+    one, two = swinging(tmp_path, URDF, 1), swinging(tmp_path, TWO, 2)
+    assert [form.name for form in MODEL_SCALE.forms(two, Place.find(two, "arm:tool_arm"))] == ["masses"]
+    assert MODEL_SCALE.why_unobservable(two) is None
+    assert "nothing drives" in (MODEL_SCALE.why_unobservable(one) or "")

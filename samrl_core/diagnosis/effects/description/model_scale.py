@@ -6,6 +6,7 @@ import numpy as np
 
 from samrl_core.diagnosis.effects.effect import Effect, Parameter, lacks_link_torque
 from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
+from samrl_core.diagnosis.effects.load.payload import is_driven
 from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.follow_command import part_that_follows, reads_what_is_logged
 from samrl_core.diagnosis.residuals.trial import Trial
@@ -39,13 +40,20 @@ class ModelScale(Effect):
     )
 
     def why_unobservable(self, trial: Trial) -> str | None:
+        if trial.joints == 1 and not is_driven(trial):
+            return "needs a torque: nothing drives the joint, and one link's mass is that link's"
         return lacks_link_torque(trial)
 
     def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
         masses = AllMasses(name="masses", place=place, amplitudes=("s",))
         torques = AllTorques(name="torques", place=place, amplitudes=("s",))
         # One link alone that is off by a factor is that link's error, and nothing else would be said.
-        scales = (masses, torques) if trial.joints > 1 else (torques,)
+        scales: tuple[Form, ...] = (masses,) if trial.joints > 1 else ()
+        # Where nothing drives the joints no torque is logged: a factor of it would move nothing, and win by
+        # what it takes from the model's torque alone.
+        if not is_driven(trial):
+            return scales
+        scales = (*scales, torques)
         if "controller" not in trial.channels:
             return scales
         return *scales, LoggedTorques(name="torques as logged", place=place, amplitudes=("s",))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +30,7 @@ from samrl_ros.log_import.pose_specs import (
     rotations_of_matrices,
 )
 from samrl_ros.log_import.resampling import are_between
+from samrl_ros.log_import.seen_size import size_note
 from samrl_ros.log_import.sources import SourceData, read_source, update_digest
 
 SLOW_HZ = 5.0  # below it a track is no motion that can be interpolated
@@ -58,6 +59,8 @@ def poses_of(text: str, path: Path, data: Path) -> list[ImportedPoses]:
         spec = PoseRecordingSpec.read({**general, **entry} if isinstance(entry, dict) else entry, where)
         made.append(import_poses(spec, text, data, path.parent))
     check_names(made, path)
+    if made and (note := size_note(made[0].recording)):
+        made[0] = replace(made[0], notes=(*made[0].notes, note))
     return made
 
 

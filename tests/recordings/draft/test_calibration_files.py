@@ -181,6 +181,10 @@ def test_a_target_of_another_size_is_asked_for(tmp_path: Path) -> None:
     (question,) = draft.questions
     told = re.search(r"([\d.]+) times that size closes the chain to ([\d.]+) mm", question)
     assert told and float(told[1]) == pytest.approx(factor, rel=0.03) and float(told[2]) < 5.0
+    mapping = tmp_path / "mapping.yaml"
+    mapping.write_text(yaml.safe_dump({k: v for k, v in draft.as_mapping().items() if k != "questions"}))
+    (imported,) = import_any(mapping, tmp_path, None).made  # as one that was written by hand
+    assert "the chain stays open by" in imported.notes[-1] and "0.31 times the size" in imported.notes[-1]
 
 
 def test_a_target_of_its_size_is_not_asked_for(tmp_path: Path) -> None:

@@ -21,7 +21,6 @@ from samrl_core.diagnosis.residuals.poses.solve import closing_error
 from samrl_ros.log_import.draft.column_names import BASES, CAMERAS, CARRIED, SEEN, words_in
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.poses.pose_turns import LEAST_TURN, second_turn, turns_apart
-from samrl_ros.log_import.draft.poses.seen_size import best_size
 from samrl_ros.log_import.draft.tracks.angle_names import are_makers_letters
 from samrl_ros.log_import.draft.tracks.logged_tracks import LoggedTrack
 from samrl_ros.log_import.draft.tracks.pose_runs import PoseRuns, find_pose_runs
@@ -41,6 +40,7 @@ from samrl_ros.log_import.draft.tracks.transform_chains import FoundChains
 from samrl_ros.log_import.formats.views import STAR, is_of_views
 from samrl_ros.log_import.pose_importer import SLOW_HZ, import_poses
 from samrl_ros.log_import.pose_specs import PoseRecordingSpec
+from samrl_ros.log_import.seen_size import best_size
 from samrl_ros.log_import.sources import SourceData
 
 CLEARLY = 4.0  # times better than the next description: that is proof

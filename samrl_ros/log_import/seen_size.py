@@ -13,7 +13,7 @@ import numpy as np
 
 from samrl_core.cell.types.pose_recording import PoseRecording
 from samrl_core.common.errors import InputError
-from samrl_core.diagnosis.residuals.poses.chain import Chain
+from samrl_core.diagnosis.residuals.poses.chain import Chain, Constants, used_links
 from samrl_core.diagnosis.residuals.poses.solve import closing_error, solved
 
 ROUGH_M = 0.003  # that a chain stays open by, from which on sizes are tried
@@ -69,6 +69,23 @@ def best_size(described: Sequence[tuple[PoseRecording, float]]) -> tuple[SeenSiz
     told = [(size.closes_m, k) for k, size in enumerate(sizes) if size is not None]
     number = min(told)[1] if told else 0
     return sizes[number], number
+
+
+def size_note(recording: PoseRecording) -> str:
+    """What is said of a chain of which nothing is stated and that another size closes; empty of any other."""
+    if Constants.stated(recording).free != set(used_links(recording)):
+        return ""  # what is stated contradicts a wrong size, which is then diagnosed
+    try:
+        closes_m = closing_error(_scaled(recording, 1.0))
+    except InputError:
+        return ""
+    if (size := find_seen_size(recording, closes_m)) is None:
+        return ""
+    return (
+        f"nothing is stated, and the chain stays open by {1e3 * closes_m:.1f} mm; it closes to"
+        f" {1e3 * size.closes_m:.1f} mm with a target of {size.factor:.2f} times the size that its detector"
+        " was told. Correct the poses that it gave: until then no gap means that they are rough"
+    )
 
 
 def _scaled(recording: PoseRecording, factor: float) -> PoseRecording:

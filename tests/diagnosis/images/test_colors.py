@@ -96,6 +96,16 @@ def cell(light: float, paint: np.ndarray, table: np.ndarray, tint: float) -> Evi
     return Evidence(Likelihood([trial]), 1.0)
 
 
+def test_a_lamp_that_is_there_is_not_promised_once_more() -> None:
+    """What is seen upwards is counted from what is stated, however bright the images are already."""
+    ends = []
+    for light in (0.0, 0.5):
+        made = cell(light, np.zeros(3), np.zeros(3), 0.0)
+        (said,) = least_sizes(made, made.screen([EFFECT]), 8.0)
+        ends.append(np.log1p(said.stated[1]))
+    assert ends[1] == pytest.approx(ends[0], abs=0.1)
+
+
 def test_half_of_the_lamps_of_the_least_size_are_named() -> None:
     """Red of the block ends at white there: as images without a lamp tell, a weaker one would be seen."""
     nominal = cell(0.0, np.zeros(3), np.zeros(3), 0.0)

@@ -45,7 +45,7 @@ class Brightness(ImageColumns):
         """Without the colours that so much light would drive to white."""
         names = ("light", "tint", "paint_object")
         columns = {n: of["color", 0] for n in names if ("color", 0) in (of := trial.column(n))}
-        rows = find_driven_to_white(trial.residual["color"][:, 0], columns, min(float(amplitudes[0]), MOST))
+        rows = find_driven_to_white(columns, min(float(amplitudes[0]), MOST))
         return trial.without("color", rows) if rows.any() else trial
 
 

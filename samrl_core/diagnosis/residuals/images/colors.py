@@ -54,20 +54,21 @@ def compare_colors(
     return value.T.ravel(), np.hypot(e, ADDED).T.ravel(), flat
 
 
-def find_driven_to_white(values: np.ndarray, columns: dict[str, np.ndarray], more: float) -> np.ndarray:
-    """Which rows (M,) of `compare_colors` tell nothing once the logarithm of the light is `more` larger.
+def find_driven_to_white(columns: dict[str, np.ndarray], light: float) -> np.ndarray:
+    """Which rows (M,) of `compare_colors` tell nothing where the logarithm of the light is off by `light`.
+
+    By what is expected, not by what is seen: an image that is bright already does not become so once more.
 
     Args:
-        values: (M,) of one or more frames.
-        columns: theirs by name (p, M); those of the object may be missing.
-        more: of the logarithm.
+        columns: of one or more frames by name (p, M); those of the object may be missing.
+        light: logarithm of the light against what is expected.
     """
     (expected,) = columns["light"]
     color = np.rint(1.0 - columns["tint"][0] / expected)
-    on_object = np.any(columns.get("paint_object", np.zeros((1, len(values)))) > 0.0, axis=0)
+    on_object = np.any(columns.get("paint_object", np.zeros((1, len(expected)))) > 0.0, axis=0)
     surface = color + COLORS * on_object
-    white = expected * np.exp(values / expected + more) >= WHITE
-    out = np.zeros(len(values), dtype=bool)
+    white = expected * np.exp(light) >= WHITE
+    out = np.zeros(len(expected), dtype=bool)
     for one in np.unique(surface):
         out[surface == one] = white[surface == one].mean() > MOST_AT_WHITE
     return out

@@ -36,8 +36,8 @@ class ImageTolerances(StatedTolerances):
     depth_offset: float = 0.0018  # [m]
     depth_shift: float = 0.007  # of depth against colour, per image axis, as a fraction of the width
     depth_noise: float = 0.4  # of its standard deviation, logarithm
-    depth_bend: float = 0.001  # the same, smooth over the image, per mode: depth is read at whole pixels
-    depth_pattern: float = 0.002  # the same per tile, lasting over frames
+    depth_bend: float = 0.0005  # the same, smooth over the image, per mode: where a driver resamples depth
+    depth_pattern: float = 0.0007  # the same per tile, lasting over frames
     stamp: float = 0.005  # of images against joint readings, constant [s]
     held_position: float = 0.001  # of the held part in the flange, per axis [m]
     held_rotation: float = 0.014  # per axis [rad]

@@ -101,6 +101,10 @@ class Form(ABC, Generic[T]):
         """
         return None
 
+    def is_done_by(self, trial: T, name: str) -> bool:
+        """Whether another effect, `family@place`, can do the same in whatever recordings, by geometry."""
+        return False
+
     def find_unresolved(self, trial: T, shape: Shape) -> np.ndarray:
         """Covariance (p, p) of amplitudes that recordings of this kind cannot tell, whatever their noise."""
         return np.zeros((len(self.amplitudes), len(self.amplitudes)))

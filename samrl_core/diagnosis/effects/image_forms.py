@@ -64,6 +64,11 @@ class ZeroOfJoint(ImageColumns):
     def columns(self, trial: ImageTrial, shape: Shape) -> Columns:
         return {key: rows[[self.index]] for key, rows in trial.column(self.columns_of[0]).items()}
 
+    def is_done_by(self, trial: ImageTrial, name: str) -> bool:
+        """The camera arm's last joint turns the camera about its flange, as a wrong hand-eye does."""
+        last = f"joint:{trial.joints['camera'][-1]}"
+        return self.place.name == last and name == f"hand_eye@{trial.places[0]}"
+
     def find_own_tolerances(self, trial: ImageTrial) -> np.ndarray:
         return _tolerance_of(trial, self.columns_of[0])[[self.index]]
 

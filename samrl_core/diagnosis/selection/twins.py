@@ -27,6 +27,8 @@ def find_twins(evidence: Evidence, chosen: Fit, rivals: Sequence[Fit]) -> list[F
 
     Of formulas with shapes it must not take a lucky one: most that were tried do as well. A mass on a slide
     weighs the same wherever it hangs; one that mimics a denser link of a pendulum hangs at one distance.
+
+    What does the same in whatever recordings may have more: fewer numbers are then no sign of the cause.
     """
     exact = evidence.likelihood.exact
     most = _misfit(evidence, chosen) + (AS_MUCH if exact else NEARLY_ALL)
@@ -34,12 +36,19 @@ def find_twins(evidence: Evidence, chosen: Fit, rivals: Sequence[Fit]) -> list[F
     found = [
         r
         for r in rivals
-        if sum(len(a) for a in r.amplitudes) <= freedom
+        if (sum(len(a) for a in r.amplitudes) <= freedom or _does_it_always(evidence, chosen, r))
         and np.isfinite(r.log_evidence)
         and (exact or (r.log_evidence > chosen.log_evidence - MOST_PRIOR and _is_free(r.hypotheses[0])))
         and _misfit(evidence, r) <= most
     ]
     return found[:MOST]
+
+
+def _does_it_always(evidence: Evidence, chosen: Fit, rival: Fit) -> bool:
+    """Whether an effect alone can be another alone, by geometry and not by these recordings."""
+    if len(chosen.hypotheses) != 1 or len(rival.hypotheses) != 1:
+        return False
+    return chosen.hypotheses[0].form.is_done_by(evidence.likelihood.trials[0], rival.hypotheses[0].name)
 
 
 def _is_free(h: Hypothesis) -> bool:

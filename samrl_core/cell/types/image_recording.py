@@ -48,6 +48,7 @@ class ImageTolerances(StatedTolerances):
     outline_bend: float = 0.001  # of outlines, smooth over the image, per mode, as a fraction of the width
     brightness: float = 0.17  # of light and exposure together, as a fraction
     tint: float = 0.09  # of the light's hue: red up and blue down, or both up and green down, as a fraction
+    shading: float = 0.12  # of how well the object is lit against how it is drawn, as a fraction
     paint: float = 0.06  # of each of the object's colours against its CAD colour, 1 is white
     table_paint: float = 0.3  # of the table's grey and hue: nobody states them, and shadows lie on it
 

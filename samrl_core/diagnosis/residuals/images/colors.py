@@ -45,6 +45,7 @@ def compare_colors(
     columns = {
         "light": e[None],
         "tint": TINTS[:, None, :] * e,
+        "shading": (e * on_object)[None],  # light from elsewhere reaches its faces otherwise than drawn
         "paint_object": of_color * shade * on_object,
         "paint_static": common * shade * on_static,  # one grey or another, and its hue
         "white_object": of_color * e * hidden * on_object,

@@ -23,7 +23,7 @@ from samrl_core.diagnosis.residuals.images.spreads import SIZES, stated_spreads
 
 NOISE = {"depth": 0.0022, "mask": 0.52, "color": 0.065}  # of tiles, per shape: medians over typical cells
 OPEN = (  # nobody states them
-    "object", "light", "tint", "paint_object", "paint_static", "white_object", "white_static",
+    "object", "light", "tint", "shading", "paint_object", "paint_static", "white_object", "white_static",
 )  # fmt: skip
 # What may be the cause; all else is within its tolerance.
 CAUSES = (

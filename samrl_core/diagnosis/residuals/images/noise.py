@@ -20,8 +20,8 @@ FREE = {
     "radial": 0.2, "tangential": 0.01, "depth_scale": 0.05, "depth_offset": 0.03, "depth_shift": 0.03,
     "depth_bend": 0.005, "depth_nearest": 1.0,
     "depth_pattern": 0.005, "outline_bend": 0.005, "outline_object": 2.0, "outline_tip": 2.0, "light": 1.0,
-    "tint": 1.0, "paint_object": 1.0, "paint_static": 1.0, "white_object": 1.0, "white_static": 1.0,
-    "depth_noise": 1.0,
+    "tint": 1.0, "shading": 1.0, "paint_object": 1.0, "paint_static": 1.0, "white_object": 1.0,
+    "white_static": 1.0, "depth_noise": 1.0,
 }  # fmt: skip
 # A tile is never known better than this: medians of quantised images scatter less than their errors last.
 LEAST = {"depth": 2e-4, "mask": 0.1, "color": 0.05, "depth_noise": 0.1}

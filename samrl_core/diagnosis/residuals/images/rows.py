@@ -37,7 +37,7 @@ OF_CHANNEL = {  # columns that are no flow, by channel
         "depth_nearest",
     ),
     "mask": ("outline_object", "outline_tip", "outline_bend"),
-    "color": ("light", "tint", "paint_object", "paint_static", "white_object", "white_static"),
+    "color": ("light", "tint", "shading", "paint_object", "paint_static", "white_object", "white_static"),
     "depth_noise": ("depth_noise",),
 }
 

@@ -41,8 +41,8 @@ def stated_spreads(stated: ImageTolerances, widened: float = 1.0) -> dict[str, n
         "tangential": s.tangential, "depth_scale": s.depth_scale, "depth_offset": s.depth_offset,
         "depth_shift": s.depth_shift, "depth_bend": s.depth_bend, "depth_pattern": s.depth_pattern,
         "outline_object": s.outline, "outline_tip": s.outline, "outline_bend": s.outline_bend,
-        "light": s.brightness, "tint": s.tint, "paint_object": s.paint, "paint_static": s.table_paint,
-        "depth_noise": s.depth_noise,
+        "light": s.brightness, "tint": s.tint, "shading": s.shading, "paint_object": s.paint,
+        "paint_static": s.table_paint, "depth_noise": s.depth_noise,
     }  # fmt: skip
     out = {name: by * np.repeat(widths, 3) for name, widths in six.items()}
     out |= {name: np.full(SIZES[name], by * width) for name, width in one.items()}

@@ -55,8 +55,8 @@ def told(light: float, paint: np.ndarray, table: np.ndarray, tint: float) -> tup
 def test_light_is_known_as_well_as_is_said(light: float, surest: float) -> None:
     """Cells as typical ones are painted: each colour of the block by itself, a table that is darker.
 
-    At 0.7 red ends at white. Taken for a difference of brightness, paint was told from light by the shade of the
-    faces, and the deviation that was stated was less than half of the error.
+    At 0.7 red ends at white. Taken for a difference of brightness, paint was told from light by the shade of
+    the faces, and the deviation that was stated was less than half of the error.
     """
     rng = np.random.default_rng(0)
     by = STATED.deviation

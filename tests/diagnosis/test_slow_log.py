@@ -79,6 +79,15 @@ def test_half_the_samples_tell_the_others(frequency: float, told: bool) -> None:
     assert not follows(np.random.default_rng(0).standard_normal((300, 1)), 1)
 
 
+def test_sixty_frames_a_second_are_enough_whichever_side_their_clock_errs(tmp_path: Path) -> None:
+    """Of a servo leg's four recordings at 60 Hz two were left out, the one held out among them."""
+    fast = swing(tmp_path / "fast.csv", 0.0, 3, 12.0)
+    times = fast.states.time / (6.0 * np.array([[0.995], [1.005]]))
+    a, b = (replace(fast, commanded_effort=None, states=replace(fast.states, time=t)) for t in times)
+    fitted, held_out, notes = Arms().usable([a], [b])
+    assert (len(fitted), len(held_out), notes) == (1, 1, [])
+
+
 def test_a_recording_that_moves_too_fast_is_left_out(tmp_path: Path) -> None:
     """Beside one that its rate tells, whether both are fitted or one is held out; it says so."""
     told = swing(tmp_path / "told.csv", 0.0, 1)

@@ -20,10 +20,14 @@ from samrl_core.diagnosis.kinds.kind import Kind
 from samrl_core.diagnosis.recordings import split
 from samrl_core.diagnosis.recordings.in_common import in_common
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
-from samrl_core.diagnosis.residuals.motion import FAST_HZ
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.sample_times import regular
-from samrl_core.diagnosis.residuals.signal_noise import tells_accelerations, without_differences
+from samrl_core.diagnosis.residuals.signal_noise import (
+    FAST_HZ,
+    is_fast,
+    tells_accelerations,
+    without_differences,
+)
 from samrl_core.diagnosis.residuals.trial import Trial, as_arms
 from samrl_core.diagnosis.result import Curve, Diagnosis, NextExperiment
 from samrl_core.diagnosis.selection.description import Misdescription, misdescription
@@ -149,7 +153,7 @@ def forms_dynamics(recording: ArmRecording) -> bool:
     """Whether equations of motion can be formed: a slow log needs torques and a motion that it follows."""
     rate = log_rate(recording)
     torque = recording.commanded_effort is not None or recording.states.effort is not None
-    return rate > FAST_HZ or (torque and tells_accelerations(without_differences(recording.states), rate))
+    return is_fast(rate) or (torque and tells_accelerations(without_differences(recording.states), rate))
 
 
 def arm_trials(

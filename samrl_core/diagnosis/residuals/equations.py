@@ -19,11 +19,16 @@ import numpy as np
 from samrl_core.cell.robots.joint_dynamics import joint_dynamics
 from samrl_core.cell.types.arm_description import HELD, ArmDescription
 from samrl_core.diagnosis.residuals.basis_functions import smooth_sign
-from samrl_core.diagnosis.residuals.motion import FAST_HZ, RecordedMotion
+from samrl_core.diagnosis.residuals.motion import RecordedMotion
 from samrl_core.diagnosis.residuals.noise_color import NoiseColor
 from samrl_core.diagnosis.residuals.rest import widen_at_rest
 from samrl_core.diagnosis.residuals.rounding import rounding_noise, widen_at_edges, widen_where_held
-from samrl_core.diagnosis.residuals.signal_noise import sample_detail, unknown_acceleration, white_noise
+from samrl_core.diagnosis.residuals.signal_noise import (
+    is_fast,
+    sample_detail,
+    unknown_acceleration,
+    white_noise,
+)
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
 CHANNELS = ("controller", "drive", "link", "dynamics", "tracking")
@@ -308,7 +313,7 @@ def _acceleration_noise(motion: RecordedMotion, rigid: RigidArm) -> np.ndarray:
 
 def _unknown_wider(sigma: np.ndarray, motion: RecordedMotion, rigid: RigidArm) -> np.ndarray:
     """A slow log knows some accelerations no better than half of its samples would."""
-    if motion.rate > FAST_HZ:
+    if is_fast(motion.rate):
         return sigma
     reading = motion.reading
     unknown = np.abs(motion.reduce(unknown_acceleration(reading.values, motion.rate, reading.order)))

@@ -22,6 +22,7 @@ from samrl_core.diagnosis.residuals.signal_noise import (
     Noise,
     Reading,
     highest_sure_frequency,
+    is_fast,
     quantum,
     tells_accelerations,
     white_noise,
@@ -34,7 +35,6 @@ DIFFERENCED_HZ = 15.0  # the same where no velocity was recorded
 MAX_RATE_HZ = 1000.0
 SLOW_PERIOD_S = 0.003  # of a controller, from which on it matters when within it a torque acts
 SAME_PERIOD = 0.75  # of a log's: a controller that is faster sends torques that are not logged
-FAST_HZ = 60.0  # a log of such a rate follows what arms do; a slower one must show that it does
 LEAST_SURE_HZ = 1.0  # up to which a motion counts as one, or a fiftieth of a slower log's rate
 
 
@@ -57,7 +57,7 @@ class RecordedMotion(SignalBand):
         # Accelerations that are twice differenced from positions are noise from a lower frequency on.
         differenced = states.velocity is None
         band = min(DIFFERENCED_HZ if differenced else BAND_HZ, rate / 5.0)
-        dynamic = rate > FAST_HZ or (self.has_torque and tells_accelerations(states, rate))
+        dynamic = is_fast(rate) or (self.has_torque and tells_accelerations(states, rate))
         super().__init__(rate, band, float(ticks[-1] - ticks[0]), dynamic)
         self.joints = len(recording.arm.joints)
         self.time = np.arange(ticks[0], ticks[-1] + 0.5 / rate, 1.0 / rate)

@@ -13,6 +13,8 @@ from samrl_core.cell.types.arm_recording import JointSignal
 DIFFERENCED = 1e-6  # of the largest velocity: rounding of what is the same
 SURE_SPAN_S = 2.0  # of the spectra that tell a motion from noise
 SURE_SAMPLES = 64  # of them, at least
+FAST_HZ = 60.0  # a log of such a rate follows what arms do; a slower one must show that it does
+JITTER = 0.02  # of that rate: frames that come late make 59.5 of 60 Hz
 SLOWEST_HZ = 8.0  # no log below it tells accelerations
 NEARBY = 11  # samples over which an acceleration that is not known is spread by the band
 FOLLOWED = 0.2  # of what accelerations are made of may stay unknown between every other sample
@@ -75,6 +77,11 @@ def highest_sure_frequency(x: np.ndarray, noise: np.ndarray, rate: float) -> np.
     frequency, power = signal.welch(x, fs=rate, nperseg=length, axis=0, detrend="linear")
     above = power > STANDS_OUT * noise**2 * 2.0 / rate
     return np.array([frequency[column][-1] if column.any() else 0.0 for column in above.T])
+
+
+def is_fast(rate: float) -> bool:
+    """Whether a log of this rate [Hz] follows what arms do, whatever their motion."""
+    return rate > (1.0 - JITTER) * FAST_HZ
 
 
 def tells_accelerations(states: JointSignal, rate: float) -> bool:

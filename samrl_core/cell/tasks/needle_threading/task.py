@@ -36,7 +36,6 @@ from samrl_core.common.errors import InputError
 
 NEEDLE = "needle"
 ENTER = "enter"  # the sub-goal that takes the thread's end into the eye of a needle that is found
-_THROUGH = 0.003  # of a ring 3 mm thick, with a height that is known to 1.5 mm [m]
 _LENGTHS = 0.02  # steps of a thread's length that a physics of its own is built for [-]
 
 
@@ -273,7 +272,9 @@ class NeedleThreading(Task):
     def sub_goals(self, values: np.ndarray, tip_position: np.ndarray) -> tuple[SubGoal, ...]:
         """`above`: the thread's end over the eye; then `thread_1`, `thread_2`, ...: ever higher points of the
         thread, as it hangs, lie in the eye's centre. Empty when done. Where the needle is unknown, `enter`
-        takes the end through first. An end that is below the eye but not in it first goes up (`clear`).
+        takes the end there first.
+
+        An end that is below the eye but not through it first goes up (`clear`).
         """
         tip = checked_tip(tip_position)
         if self.is_done(values, tip):
@@ -287,14 +288,10 @@ class NeedleThreading(Task):
             SubGoal(f"thread_{k}", place, 0.0015, self.fine_step)
             for k, place in zip(ahead, places, strict=True)
         ]
-        # Straight down until it is through: a bent thread's next point would draw the end aside of the eye.
-        through = eye - [0.0, 0.0, _THROUGH] - end
-        enter = (SubGoal(ENTER, tip + through, 0.0015, self.fine_step),)
-        enter = enter if self.finds_needle and through[2] < -0.0015 else ()
         clear: tuple[SubGoal, ...] = ()
         if below > 0.0:
             if crossing_distance(points, eye) < self.eye_radius:
-                return (*enter, *goals)
+                return tuple(goals)
             up = tip + [0.0, 0.0, self.eye_z + self.hover - end[2]]
             clear = (SubGoal("clear", up, 0.002, self.free_step),)
         over = np.array([eye[0], eye[1], self.eye_z + self.hover]) - end
@@ -302,6 +299,9 @@ class NeedleThreading(Task):
         clearance = self.eye_radius - self.thread_radius
         # On the way down more is allowed, or a swing of the thread would send it up again and again.
         allowed = 0.8 * clearance if over[2] > 0.002 else 0.4 * clearance
+        # Straight down first: a bent thread's next point would draw the end aside of so small an eye.
+        outside = self.finds_needle and float(np.linalg.norm(eye - end)) > 0.0015
+        enter = (SubGoal(ENTER, tip + eye - end, 0.0015, self.fine_step),) if outside else ()
         if not clear and lateral < allowed and over[2] > -0.002:
             return (*enter, *goals)
         return (*clear, SubGoal("above", tip + over, 0.0015, self.free_step), *enter, *goals)

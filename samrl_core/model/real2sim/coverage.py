@@ -69,8 +69,6 @@ def coverage(
         other = other[unlike]
         if not len(other):
             return found
-    elif (own := contrast > s.least_contrast).any():  # a mask that is too wide has colours of what is around
-        part = part[own]
     part, other = _some(part, s.most_samples[0]), _some(other, s.most_samples[1])
     f, b = color[tuple(part.T)], color[tuple(other.T)]
     places = np.argwhere(asked)

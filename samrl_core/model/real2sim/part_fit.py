@@ -12,7 +12,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from samrl_core.cell.types.camera import Camera
 from samrl_core.cell.types.observation import Observation
 from samrl_core.model.model import Model
 from samrl_core.model.real2sim.coverage import coverage
@@ -39,9 +38,7 @@ class PartSettings:
     """How parts are cut out, and what is believed of their images.
 
     Masks of a thing some pixels wide are mostly boundary: colours say where it is (`coverage`). Depth there
-    is a mix of both sides, and a bias of millimetres is the same in all pixels and images: it counts for
-    nothing. Of a body its origin's surroundings are compared, as a needle's eye: how long a post is shown, a
-    focal length, a lens and a mask that is a pixel too wide say as loudly as its distance does.
+    is a mix of both sides with a bias of millimetres: it leads no fit and counts for little.
     """
 
     least_pixels: int = 40  # fewer of a part are none
@@ -50,9 +47,8 @@ class PartSettings:
     least_overlap: float = 0.8  # as `PoseFitSettings`; masks that are a pixel too wide all around still pass
     # What an image does not fit is widened by so much, or a thread that was lost would never be found again.
     doubt: float = 0.2  # [parameter's scale]
-    around: float = 0.045  # of a body, so far beside where its origin is believed to be seen [m]
     motion: float = 0.02  # what the tool moves may have moved so far more than predicted [parameter's scale]
-    noise: ImageNoise = field(default_factory=lambda: ImageNoise(edge=0.5, shared_by=8.0, depth=1.0))
+    noise: ImageNoise = field(default_factory=lambda: ImageNoise(edge=0.5, shared_by=8.0, depth=0.03))
     line: LineNoise = LineNoise()  # of a thread
     # An outline leaves a thread's way along the view open: the belief has to hold it there while it is led.
     thread: PoseFitSettings = PoseFitSettings(belief_weight=2e-4, fine=DampedSettings(max_evaluations=4))
@@ -98,33 +94,19 @@ def seen_parts(
             corners = model.target_surface(values, joints, number).reshape(-1, 3)
             low, high = corners.min(axis=0), corners.max(axis=0)
             reach = Reach(0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low)) + settings.margin)
-        near = compared_near(model, values, observation.camera, joints, number, settings.around)
-        seen = _cut(part, reach, observation, near)
+        seen = _cut(part, reach, observation)
         least = settings.least_thin_pixels if part.is_chain else settings.least_pixels
         if seen.real.pixels >= least:
             found.append(replace(seen, number=number))
     return tuple(found)
 
 
-def compared_near(
-    model: Model, values: np.ndarray, camera: Camera, joints: np.ndarray, number: int, around: float
-) -> np.ndarray | None:
-    """Pixels (H, W) less than `around` [m] beside a body's origin as it is believed; None for a chain."""
-    if model.parts[number].is_chain:
-        return None
-    origin = model.target_frames(values, joints, number).rows[0, 9:]
-    column, row, depth = camera.project(origin[None])[0]
-    k = camera.intrinsics
-    v, u = np.mgrid[: k.height, : k.width] + 0.5
-    return np.hypot(u - column, v - row) < around * k.fx / max(float(depth), 1e-3)
-
-
-def _cut(part: TargetPart, reach: Reach, observation: Observation, near: np.ndarray | None) -> SeenPart:
+def _cut(part: TargetPart, reach: Reach, observation: Observation) -> SeenPart:
     """The part in an image, without what is measured far from it; its cloud at one depth, as it is seen."""
     frame, camera = observation.frame, observation.camera
     color, depth = frame.color / 255.0, frame.depth.astype(np.float64)
     plane = float(camera.camera_in_world.inverse().apply(reach.center)[2])
-    mask, clear, rim = frame.mask == part.label, near, 1
+    mask, clear, rim = frame.mask == part.label, None, 1
     if part.is_chain:  # its pixels' depth is often that of what lies behind
         v, u = np.mgrid[: mask.shape[0], : mask.shape[1]] + 0.5
         middle = camera.project(reach.center[None])[0, :2]
@@ -137,7 +119,7 @@ def _cut(part: TargetPart, reach: Reach, observation: Observation, near: np.ndar
         far = np.linalg.norm(camera.unproject(depth) - reach.center, axis=-1) > reach.radius  # not where NaN
         depth = np.where(far, np.nan, depth)
         cover = coverage(color, mask & ~far, False)
-        mask = (cover > _COVERED) & (True if near is None else near)
+        mask = cover > _COVERED
     image = TargetImage(color * mask[..., None], depth, mask, rim)
     cloud = camera.unproject(np.full(mask.shape, plane))[mask]
     return SeenPart(0, RealTarget(image, cloud, int(mask.sum()), clear), observation, plane, cover)

@@ -31,8 +31,6 @@ class PredictionSettings:
     largest_spread: float = 1.0  # differences reach at most so far, in scales of the parameters [-]
     held_error: float = 0.05  # standard deviation of what contact holds, in scales of the parameters [-]
     jump: float = 6.0  # farther from each other, in scales, two ends are different things that may happen [-]
-    # The same of a thread in the eye of a needle that is found: believed in the ring's wall, it is flung out.
-    bent: float = 2.0  # [-]
     most: int = 3  # predictions at most
     moved: float = 5e-4  # a body that was to go farther has been moved by contact [m]
     other_spread: float = 2.0  # standard deviation of the less likely ones, in scales [-]
@@ -40,28 +38,16 @@ class PredictionSettings:
 
 @dataclass(frozen=True)
 class CameraErrors:
-    """How the error of what the camera shows changes while the camera moves, standard deviations.
-
-    Of a camera that is believed `usual` before any image; another one's changes by so many times as much.
-    """
+    """How the error of what the camera shows changes while the camera moves, standard deviations."""
 
     per_metre: float = 0.004  # of the camera's way [m/m]
     per_radian: float = 0.003  # of its turn [m/rad]
-    usual: float = 0.0025  # least deviation of an axis before any image [m]
 
     def beside(self, seen: SeenError) -> CameraErrors:
         """The same where a correction of the cell is not known exactly."""
-        return replace(
-            self,
-            per_metre=float(np.hypot(self.per_metre, seen.per_metre)),
-            per_radian=float(np.hypot(self.per_radian, seen.per_radian)),
+        return CameraErrors(
+            float(np.hypot(self.per_metre, seen.per_metre)), float(np.hypot(self.per_radian, seen.per_radian))
         )
-
-
-def predicted_as(parts: int) -> PredictionSettings:
-    """Settings for a target of so many parts, of which one may be believed within another one."""
-    settings = PredictionSettings()
-    return replace(settings, jump=settings.bent) if parts > 1 else settings
 
 
 def predictions(
@@ -215,9 +201,8 @@ def seen_from_elsewhere(
     camera = np.array([p.kind == "camera" for p in specs])
     if not camera.any():
         return estimate
-    prior = np.array([p.scale for p in specs]) ** 2
     spread = (settings.per_metre * way) ** 2 + (settings.per_radian * turn) ** 2
-    spread *= prior[camera].min() / settings.usual**2
+    prior = np.array([p.scale for p in specs]) ** 2
     kept = np.where(camera, np.sqrt(prior / (prior + spread)), 1.0)
     nominal = np.array([p.nominal for p in specs])
     covariance = estimate.covariance * np.outer(kept, kept) + np.diag(prior * (1.0 - kept**2))

@@ -22,7 +22,6 @@ from samrl_core.model.real2sim.prediction import (
     likeliest,
     loosened_by,
     moved_by_contact,
-    predicted_as,
     predictions,
     seen_from_elsewhere,
 )
@@ -333,7 +332,7 @@ class Agent:
         try:
             dynamics = self.model.dynamics_at(self.estimate.values)
             ways = self._over_surface(before), self._over_surface(tip)  # the same before and after a touch
-            return predictions(dynamics, specs, self.estimate, *ways, predicted_as(len(self.model.parts)))
+            return predictions(dynamics, specs, self.estimate, *ways)
         except SolveError as error:
             self._log(f"the last estimate stands in for a prediction: {error}")
             return (self.estimate,)

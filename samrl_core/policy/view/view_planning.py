@@ -19,7 +19,7 @@ from samrl_core.cell.types.pose import Pose
 from samrl_core.common.errors import InputError
 from samrl_core.model.model import Model
 from samrl_core.model.real2sim.information import ImageNoise, TargetImage, view_information
-from samrl_core.model.real2sim.part_fit import PartSettings, compared_near
+from samrl_core.model.real2sim.part_fit import PartSettings
 from samrl_core.model.real2sim.pose_fit import PoseFitSettings, acts_together
 from samrl_core.model.real2sim.prediction import CameraErrors, seen_from_elsewhere
 from samrl_core.model.real2sim.real2sim import Estimate, Real2SimSettings
@@ -259,13 +259,10 @@ class ViewPlanner:
         s, camera = self._settings, Camera(model.cell.intrinsics, camera_in_world)
         matrix = np.zeros((len(self._scale), len(self._scale)))
         for part in range(len(model.parts)):
-            several, near = len(model.parts) > 1, None
-            if several:
-                near = compared_near(model, estimate.values, camera, tool, part, s.parts.around)
-            renderer = TargetRenderer(model, camera, tool, near, part, estimate.values)
+            renderer = TargetRenderer(model, camera, tool, part=part, others=estimate.values)
             at = renderer.taken
-            noise = s.parts.noise if several else s.noise
-            if several and renderer.thin:
+            noise = s.noise if len(model.parts) == 1 else s.parts.noise
+            if len(model.parts) > 1 and renderer.thin:
                 seen = renderer.image(estimate.values[at], estimate.colors).mask
                 cover, line_noise = seen.astype(np.float64), s.parts.line
                 line = line_equations(renderer, estimate.values[at], cover, seen, line_noise, 1.0 / scale)

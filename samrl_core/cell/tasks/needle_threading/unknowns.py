@@ -26,9 +26,7 @@ class NeedleUnknowns:
     place: float  # the eye is within +- this of where it is drawn, in x and y [m]
     turn: float = 0.1  # standard deviation [rad]
     length: float = 0.0  # within +- this share of the drawn one [-]
-    # Standard deviation per axis: of a cell that nobody calibrated, of a calibrated one it is 2 to 3 mm. Both
-    # thread and needle are shown beside their places by it, so that little is lost where it is less [m].
-    camera: float = 0.006
+    camera: float = 0.0025  # standard deviation per axis [m]
 
     def specs(self, eye_x: float, eye_y: float) -> tuple[ParameterSpec, ...]:
         """Declared parameters of a needle drawn with its eye there [m]."""

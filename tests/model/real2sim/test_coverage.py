@@ -50,18 +50,6 @@ def test_a_wide_part_of_two_colours_is_found_within_a_mask_that_is_too_large() -
     assert found[share > 0].min() > 0.8 and found[share == 0].max() < 0.2
 
 
-def test_a_mask_that_is_too_wide_makes_no_part_of_what_is_around() -> None:
-    """A post two pixels wide in a mask of seven: most colours in the mask are the table's, of many tints."""
-    share = np.zeros((40, 40))
-    share[8:32, 19:21] = 1.0
-    tints = np.random.default_rng(1).uniform(0.35, 0.65, (40, 40, 1)) * [1.0, 0.7, 0.8]
-    image = share[..., None] * [0.45, 0.75, 0.5] + (1.0 - share[..., None]) * tints
-    mask = np.zeros((40, 40), dtype=bool)
-    mask[8:32, 16:24] = True
-    found = coverage(image, mask, thin=False)
-    assert found[share > 0].mean() > 0.8 and found[(share == 0) & mask].mean() < 0.2
-
-
 def test_where_colours_are_alike_the_mask_stands() -> None:
     mask = np.zeros((40, 40), dtype=bool)
     mask[10:30, 19:22] = True

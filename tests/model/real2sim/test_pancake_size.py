@@ -39,20 +39,23 @@ def fit_two_images(model: Model, drawn: CellInstance) -> tuple[Estimate, float]:
     return estimate, TASK.pancake_radius * float(estimate.values[SIZE]) - made.pancake_radius
 
 
-@pytest.mark.parametrize("instance", ["typical:0", "typical:30"])
-def test_two_images_tell_the_radius_and_leave_open_what_calibration_hides(
-    model: Model, instance: str
-) -> None:
-    """Radius to the 2 mm that physics are built in; its place stays as uncertain as the camera's error."""
-    drawn = instance_named(instance, CELL)
-    estimate, error = fit_two_images(model, drawn)
-    stated = np.sqrt(np.diag(estimate.covariance))
-    assert abs(error) < 0.002 and abs(error) < 3.0 * TASK.pancake_radius * stated[SIZE] < 0.004
-    assert np.abs(estimate.values[3:5]).max() < np.radians(4.0)  # it lies, and is not fitted aslant
-    assert (stated[:2] > 0.0015).all() and (stated[CAMERA][:2] > 0.0015).all()
-    spread = estimate.covariance[:2, :2] + estimate.covariance[6:8, 6:8]
-    spread += estimate.covariance[:2, 6:8] + estimate.covariance[6:8, :2]
-    assert np.sqrt(np.diag(spread)).max() < 0.0015  # where the image shows it is known
+def test_two_images_tell_the_radius_and_leave_open_what_calibration_hides(model: Model) -> None:
+    """Radius to the 2 mm that physics are built in, over cells, and in each within what is stated.
+
+    Its place stays as uncertain as the camera's error. One cell of four may be two deviations off.
+    """
+    errors = []
+    for number in (0, 1, 30, 31):
+        estimate, error = fit_two_images(model, instance_named(f"typical:{number}", CELL))
+        stated = np.sqrt(np.diag(estimate.covariance))
+        errors.append(error)
+        assert abs(error) < 3.0 * TASK.pancake_radius * stated[SIZE] < 0.004
+        assert np.abs(estimate.values[3:5]).max() < np.radians(4.0)  # it lies, and is not fitted aslant
+        assert (stated[:2] > 0.0015).all() and (stated[CAMERA][:2] > 0.0015).all()
+        spread = estimate.covariance[:2, :2] + estimate.covariance[6:8, 6:8]
+        spread += estimate.covariance[:2, 6:8] + estimate.covariance[6:8, :2]
+        assert np.sqrt(np.diag(spread)).max() < 0.0015  # where the image shows it is known
+    assert np.sqrt(np.mean(np.square(errors))) < 0.002
 
 
 def test_on_a_plate_of_unknown_height_the_radius_is_told_within_what_is_stated() -> None:

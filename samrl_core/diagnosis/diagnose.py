@@ -23,13 +23,13 @@ from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.trial import as_arms
 from samrl_core.diagnosis.result import Diagnosis, InputFile, LeastSize
-from samrl_core.diagnosis.selection import verdict as rules
 from samrl_core.diagnosis.selection.description import Misdescription
-from samrl_core.diagnosis.selection.how_far import HowFar
 from samrl_core.diagnosis.selection.hypothesis import Evidence
-from samrl_core.diagnosis.selection.judge import judge_sets
-from samrl_core.diagnosis.selection.least_sizes import least_sizes
 from samrl_core.diagnosis.selection.selection import Selection, SelectionSettings, select
+from samrl_core.diagnosis.verdict import rules
+from samrl_core.diagnosis.verdict.how_far import HowFar
+from samrl_core.diagnosis.verdict.judge import judge_sets
+from samrl_core.diagnosis.verdict.least_sizes import least_sizes
 
 Progress = Callable[[str], None]
 

@@ -12,7 +12,7 @@ from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
 from samrl_core.diagnosis.result import Diagnosis, ParameterEstimate
-from samrl_core.diagnosis.selection import verdict as rules
+from samrl_core.diagnosis.verdict import rules
 from tests.diagnosis import worlds
 from tests.diagnosis.cases import PAYLOAD
 from tests.diagnosis.worlds import BEND, LIFT, TURN

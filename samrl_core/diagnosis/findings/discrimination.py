@@ -9,9 +9,9 @@ from scipy import stats
 
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
-from samrl_core.diagnosis.selection.confidence import TEMPERATURE
 from samrl_core.diagnosis.selection.hypothesis import Fit, Hypothesis, hypothesis
-from samrl_core.diagnosis.selection.verdict import VerdictSettings
+from samrl_core.diagnosis.verdict.confidence import TEMPERATURE
+from samrl_core.diagnosis.verdict.rules import VerdictSettings
 
 FILE = "next.yaml"
 AS_ONE = 2.0  # samples that count as one: four to a period of the band's edge

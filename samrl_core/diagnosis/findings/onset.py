@@ -18,7 +18,7 @@ import numpy as np
 
 from samrl_core.diagnosis.residuals.likelihood import Block, Likelihood
 from samrl_core.diagnosis.selection.hypothesis import ONSET, Fit
-from samrl_core.diagnosis.selection.invariance import FORMULA
+from samrl_core.diagnosis.verdict.invariance import FORMULA
 
 THRESHOLD = 12.0  # [nat] as for an effect
 TIMES = 160  # that are tried in a recording

@@ -14,12 +14,12 @@ from samrl_core.cell.types.drive_law import DriveLaw
 from samrl_core.diagnosis.export.correction import BODY, Correction, NominalLaw
 from samrl_core.diagnosis.residuals.trial import Trial, as_arms
 from samrl_core.diagnosis.result import HeldOutGap
-from samrl_core.diagnosis.selection.confidence import formula_deviation
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
 from samrl_core.diagnosis.selection.resimulation import Resimulation, plant_of
 from samrl_core.diagnosis.selection.shape_posterior import root_of, shape_posterior
 from samrl_core.diagnosis.simulation.plant_arrays import ten_to_frame
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
+from samrl_core.diagnosis.verdict.confidence import formula_deviation
 
 SAMPLES = 200
 MOST_MOTION = 4000  # samples of the fitted motion that are kept

@@ -11,8 +11,8 @@ import numpy as np
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.effects import EVERY_EFFECT, Effect
 from samrl_core.diagnosis.result import NamedEffect
-from samrl_core.diagnosis.selection.confidence import estimates
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
+from samrl_core.diagnosis.verdict.confidence import estimates
 
 
 def checked_names(names: Sequence[str]) -> tuple[str, ...]:

@@ -31,10 +31,10 @@ from samrl_core.diagnosis.residuals.signal_noise import (
 from samrl_core.diagnosis.residuals.trial import Trial, as_arms
 from samrl_core.diagnosis.result import Curve, Diagnosis, NextExperiment
 from samrl_core.diagnosis.selection.description import Misdescription, misdescription
-from samrl_core.diagnosis.selection.how_far import HowFar
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
 from samrl_core.diagnosis.selection.resimulation import simulable
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
+from samrl_core.diagnosis.verdict.how_far import HowFar
 
 GOALS_APART = 1.5  # periods of the controller: from here on what it does between two goals is a question
 

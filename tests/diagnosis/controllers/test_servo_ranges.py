@@ -19,20 +19,20 @@ from samrl_core.diagnosis.kinds.arms import arm_trials
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.nominal import tolerance_columns
 from samrl_core.diagnosis.residuals.trial import Trial
-from samrl_core.diagnosis.selection.confidence import probabilities
 from samrl_core.diagnosis.selection.contenders import Contender, denied_by_motion
 from samrl_core.diagnosis.selection.hypothesis import hypothesis, implausible
 from samrl_core.diagnosis.selection.selection import Selection
-from samrl_core.diagnosis.selection.verdict import VerdictSettings, _moves_closer, _moves_wrongly
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
+from samrl_core.diagnosis.verdict.confidence import probabilities
+from samrl_core.diagnosis.verdict.rules import VerdictSettings, _moves_closer, _moves_wrongly
 from tests.diagnosis import worlds
 from tests.diagnosis.controllers.kinds import POSITION_SERVO, STEPPER, VOLTAGE_MOTOR
 from tests.diagnosis.controllers.machines import Differs, Machine
 from tests.diagnosis.controllers.machines import worlds as machines
 
 if TYPE_CHECKING:
-    from samrl_core.diagnosis.selection.how_far import HowFar
     from samrl_core.diagnosis.selection.hypothesis import Fit
+    from samrl_core.diagnosis.verdict.how_far import HowFar
 
 SLIDE = """<robot name="slide"><link name="base"/><link name="table"><inertial><mass value="2"/>
 <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>

@@ -11,9 +11,9 @@ import pytest
 
 from samrl_core.diagnosis.effects import EFFECTS, Effect
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
-from samrl_core.diagnosis.selection.confidence import estimates
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Hypothesis, hypothesis
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
+from samrl_core.diagnosis.verdict.confidence import estimates
 from tests.diagnosis import worlds
 from tests.diagnosis.cases import CASES, Case, find_form
 

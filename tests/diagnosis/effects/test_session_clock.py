@@ -13,8 +13,8 @@ from samrl_core.diagnosis.effects import find_family
 from samrl_core.diagnosis.recordings import block
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.trial import Trial
-from samrl_core.diagnosis.selection.how_far import how_far
 from samrl_core.diagnosis.selection.hypothesis import Fit, hypothesis
+from samrl_core.diagnosis.verdict.how_far import how_far
 from tests.diagnosis import worlds
 from tests.diagnosis.cases import find_form
 from tests.diagnosis.worlds import BEND, LIFT

@@ -16,8 +16,8 @@ from samrl_core.diagnosis.findings import next_experiment as proposals
 from samrl_core.diagnosis.findings.discrimination import separation
 from samrl_core.diagnosis.findings.next_experiment import next_experiment
 from samrl_core.diagnosis.kinds.arms import arm_trials
-from samrl_core.diagnosis.selection.confidence import TEMPERATURE
-from samrl_core.diagnosis.selection.verdict import VerdictSettings
+from samrl_core.diagnosis.verdict.confidence import TEMPERATURE
+from samrl_core.diagnosis.verdict.rules import VerdictSettings
 from tests.diagnosis import worlds
 
 

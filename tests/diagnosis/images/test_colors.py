@@ -17,7 +17,7 @@ from samrl_core.diagnosis.residuals.images.scene import OBJECT, STATIC
 from samrl_core.diagnosis.residuals.images.spreads import stated_spreads
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.selection.hypothesis import Evidence
-from samrl_core.diagnosis.selection.least_sizes import least_sizes
+from samrl_core.diagnosis.verdict.least_sizes import least_sizes
 
 BLOCK, TABLE = np.array([0.72, 0.30, 0.13]), np.array([0.53, 0.53, 0.53])
 FACES = np.array([1.0, 1.0, 0.6, 0.35])  # of the block, how far they are lit

@@ -25,8 +25,8 @@ from samrl_core.diagnosis.residuals.images.object_pose import solved_object
 from samrl_core.diagnosis.residuals.images.rows import frame_rows
 from samrl_core.diagnosis.residuals.images.scene import ImageScene
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
-from samrl_core.diagnosis.selection.how_far import HowFar
 from samrl_core.diagnosis.selection.hypothesis import Evidence
+from samrl_core.diagnosis.verdict.how_far import HowFar
 
 
 def test_columns_are_what_a_moved_camera_changes(recordings: list[ImageRecording]) -> None:

@@ -12,9 +12,9 @@ from samrl_core.diagnosis.residuals.images.image_trial import ImageConstants, Im
 from samrl_core.diagnosis.residuals.images.nominal import tolerance_columns
 from samrl_core.diagnosis.residuals.images.scene import ImageScene
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
-from samrl_core.diagnosis.selection.confidence import estimates
 from samrl_core.diagnosis.selection.hypothesis import Evidence
 from samrl_core.diagnosis.selection.whole_sizes import find_whole_sizes
+from samrl_core.diagnosis.verdict.confidence import estimates
 
 CORRELATION = 2.0
 

@@ -22,7 +22,7 @@ from samrl_core.diagnosis.residuals.poses.noise import growth_power, leftover
 from samrl_core.diagnosis.residuals.poses.pose_trial import PoseTrial
 from samrl_core.diagnosis.residuals.poses.solve import solved
 from samrl_core.diagnosis.result import Diagnosis
-from samrl_core.diagnosis.selection import verdict as rules
+from samrl_core.diagnosis.verdict import rules
 from tests.diagnosis.poses.pose_worlds import (
     CAMERA,
     SMALL,

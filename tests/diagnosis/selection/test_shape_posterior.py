@@ -13,9 +13,9 @@ from samrl_core.diagnosis.effects.form import Place
 from samrl_core.diagnosis.effects.friction.position_dependent_friction import EFFECT as WAVES
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.result import ParameterEstimate
-from samrl_core.diagnosis.selection.confidence import estimates
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, hypothesis
 from samrl_core.diagnosis.selection.shape_posterior import Profile, shape_posterior
+from samrl_core.diagnosis.verdict.confidence import estimates
 from tests.diagnosis import worlds
 from tests.diagnosis.worlds import LIFT
 

@@ -21,9 +21,9 @@ from samrl_core.diagnosis.residuals.images.least_deviations import least_deviati
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.result import NextExperiment
-from samrl_core.diagnosis.selection.how_far import HowFar
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
 from samrl_core.diagnosis.selection.whole_sizes import find_whole_sizes
+from samrl_core.diagnosis.verdict.how_far import HowFar
 
 LEAST_ROWS = 40  # of depth, of a recording that tells of a camera
 _SAME_M, _SAME_RAD = 1e-6, 1e-6

@@ -21,8 +21,8 @@ from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.poses.pose_trial import PoseTrial
 from samrl_core.diagnosis.residuals.poses.solve import agreeing_views, check_stated, solved
 from samrl_core.diagnosis.result import NextExperiment
-from samrl_core.diagnosis.selection.how_far import HowFar
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
+from samrl_core.diagnosis.verdict.how_far import HowFar
 
 LEAST_TO_SPLIT = 16  # poses of which some are held out
 MOST_NAMED = 12  # moments that a note lists

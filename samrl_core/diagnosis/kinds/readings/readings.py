@@ -20,9 +20,9 @@ from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.readings.reading_trial import SLOW, ReadingTrial, plateaus_of
 from samrl_core.diagnosis.result import NextExperiment
-from samrl_core.diagnosis.selection.how_far import HowFar
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
 from samrl_core.diagnosis.selection.twins import AS_MUCH
+from samrl_core.diagnosis.verdict.how_far import HowFar
 
 LEAST = 40  # readings of a recording that is cut
 NEXT_DEPTHS_M = (0.3, 0.5, 0.8, 1.2, 1.8)

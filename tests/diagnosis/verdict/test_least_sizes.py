@@ -17,7 +17,7 @@ from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.tolerances import recording_columns, tolerance_columns
 from samrl_core.diagnosis.result import Diagnosis, LeastSize
 from samrl_core.diagnosis.selection.hypothesis import Evidence
-from samrl_core.diagnosis.selection.least_sizes import least_sizes
+from samrl_core.diagnosis.verdict.least_sizes import least_sizes
 from tests.diagnosis import worlds
 from tests.diagnosis.poses.pose_worlds import PoseWorld, record
 from tests.diagnosis.report import samples

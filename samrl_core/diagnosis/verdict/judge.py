@@ -15,15 +15,15 @@ import numpy as np
 
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.result import HeldOutGap, NamedEffect
-from samrl_core.diagnosis.selection import verdict as rules
-from samrl_core.diagnosis.selection.confidence import estimates, probabilities
-from samrl_core.diagnosis.selection.foretelling import find_as_foretelling, is_denied_there
-from samrl_core.diagnosis.selection.further_members import find_superfluous
-from samrl_core.diagnosis.selection.how_far import HowFar, how_far
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, on_bound
-from samrl_core.diagnosis.selection.invariance import invariance_alarms
 from samrl_core.diagnosis.selection.selection import Selection, with_chosen, without_member
 from samrl_core.diagnosis.selection.twins import find_twins
+from samrl_core.diagnosis.verdict import rules
+from samrl_core.diagnosis.verdict.confidence import estimates, probabilities
+from samrl_core.diagnosis.verdict.foretelling import find_as_foretelling, is_denied_there
+from samrl_core.diagnosis.verdict.further_members import find_superfluous
+from samrl_core.diagnosis.verdict.how_far import HowFar, how_far
+from samrl_core.diagnosis.verdict.invariance import invariance_alarms
 
 RUNNER_UPS = 5
 ATTEMPTS = 5  # sets that are judged at most

@@ -17,7 +17,7 @@ from samrl_core.diagnosis.effects.form import Place
 from samrl_core.diagnosis.kinds.arms import arm_trials
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, hypothesis
-from samrl_core.diagnosis.selection.invariance import (
+from samrl_core.diagnosis.verdict.invariance import (
     DESCRIPTION,
     FORMULA,
     SIGNIFICANCE,

@@ -14,7 +14,6 @@ from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.result import HeldOutGap, Overlay
 from samrl_core.diagnosis.selection.contenders import MOTION
 from samrl_core.diagnosis.selection.forward_windows import WINDOW_S
-from samrl_core.diagnosis.selection.gap_in_noise import compare_in_noise
 from samrl_core.diagnosis.selection.gap_metric import shrink
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
 from samrl_core.diagnosis.selection.resimulation import (
@@ -32,6 +31,7 @@ from samrl_core.diagnosis.selection.resimulation import (
 )
 from samrl_core.diagnosis.selection.selection import Selection, held_out_remainder
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
+from samrl_core.diagnosis.verdict.gap_in_noise import compare_in_noise
 
 OVERLAYS = 6  # joint and quantity pairs that are plotted
 SIZES = (0.5, 0.75, 1.0, 1.3, 1.7)  # of the fitted effect, tried in closed loop

@@ -10,11 +10,11 @@ import pytest
 
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.result import HeldOutGap
-from samrl_core.diagnosis.selection.foretelling import find_as_foretelling, is_denied_there
-from samrl_core.diagnosis.selection.how_far import HowFar
 from samrl_core.diagnosis.selection.hypothesis import Fit
 from samrl_core.diagnosis.selection.selection import Selection, without_member
-from samrl_core.diagnosis.selection.verdict import VerdictSettings, decide
+from samrl_core.diagnosis.verdict.foretelling import find_as_foretelling, is_denied_there
+from samrl_core.diagnosis.verdict.how_far import HowFar
+from samrl_core.diagnosis.verdict.rules import VerdictSettings, decide
 from tests.diagnosis.selection.bench import Bench
 
 if TYPE_CHECKING:

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from samrl_core.diagnosis.result import HeldOutGap, NamedEffect
-from samrl_core.diagnosis.selection.how_far import HowFar
 from samrl_core.diagnosis.selection.selection import SHOWN, Selection
+from samrl_core.diagnosis.verdict.how_far import HowFar
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from samrl_core.diagnosis.result import NamedEffect
-from samrl_core.diagnosis.selection.how_far import HowFar
 from samrl_core.diagnosis.selection.hypothesis import Hypothesis
 from samrl_core.diagnosis.selection.selection import Selection
+from samrl_core.diagnosis.verdict.how_far import HowFar
 
 
 def find_superfluous(selection: Selection, named: Sequence[NamedEffect], far: HowFar) -> tuple[int, ...]:

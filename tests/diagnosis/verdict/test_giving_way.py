@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 
 from samrl_core.diagnosis.result import HeldOutGap
-from samrl_core.diagnosis.selection import judge, selection
+from samrl_core.diagnosis.selection import selection
 from samrl_core.diagnosis.selection.contenders import contend
-from samrl_core.diagnosis.selection.how_far import HowFar
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
-from samrl_core.diagnosis.selection.judge import Judged, comes_as_close, judge_sets
 from samrl_core.diagnosis.selection.selection import Selection, SelectionSettings
-from samrl_core.diagnosis.selection.verdict import Decision, VerdictSettings, unconfirmed
+from samrl_core.diagnosis.verdict import judge
+from samrl_core.diagnosis.verdict.how_far import HowFar
+from samrl_core.diagnosis.verdict.judge import Judged, comes_as_close, judge_sets
+from samrl_core.diagnosis.verdict.rules import Decision, VerdictSettings, unconfirmed
 
 if TYPE_CHECKING:
     from samrl_core.diagnosis.residuals.likelihood import Likelihood

@@ -11,14 +11,14 @@ import pytest
 
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.result import NamedEffect, ParameterEstimate
-from samrl_core.diagnosis.selection import judge
-from samrl_core.diagnosis.selection.further_members import find_superfluous
-from samrl_core.diagnosis.selection.how_far import HowFar, how_far
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, Hypothesis
-from samrl_core.diagnosis.selection.judge import Judged, judge_sets
 from samrl_core.diagnosis.selection.search import find_extensions
 from samrl_core.diagnosis.selection.selection import Selection
-from samrl_core.diagnosis.selection.verdict import Decision, VerdictSettings
+from samrl_core.diagnosis.verdict import judge
+from samrl_core.diagnosis.verdict.further_members import find_superfluous
+from samrl_core.diagnosis.verdict.how_far import HowFar, how_far
+from samrl_core.diagnosis.verdict.judge import Judged, judge_sets
+from samrl_core.diagnosis.verdict.rules import Decision, VerdictSettings
 from tests.diagnosis.selection.bench import Bench
 
 

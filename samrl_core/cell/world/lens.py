@@ -57,6 +57,14 @@ class Lens:
         self._x, self._y = np.ascontiguousarray(x), np.ascontiguousarray(y)
         self._column = np.clip(np.rint(self._x), 0, width - 1).astype(np.intp)
         self._row = np.clip(np.rint(self._y), 0, height - 1).astype(np.intp)
+        column = np.clip(np.floor(self._x).astype(np.intp), 0, width - 2)
+        row = np.clip(np.floor(self._y).astype(np.intp), 0, height - 2)
+        right, below = self._x - column, self._y - row
+        # The four pixels around each place, by their numbers in the image, and what each weighs there.
+        self._corners = (row * width + column) + np.array([0, 1, width, width + 1])[:, None, None]
+        self._shares = np.stack(
+            [(1 - below) * (1 - right), (1 - below) * right, below * (1 - right), below * right]
+        )
 
     def color(self, ideal: np.ndarray) -> np.ndarray:
         """Colours (H, W, 3) of an ideal image, between its pixels, in its type."""
@@ -71,14 +79,7 @@ class Lens:
 
         Between four pixels of one surface the inverse of depth is linear: exact for a plane.
         """
-        height, width = ideal.shape
-        column = np.clip(np.floor(self._x).astype(np.intp), 0, width - 2)
-        row = np.clip(np.floor(self._y).astype(np.intp), 0, height - 2)
-        right, below = self._x - column, self._y - row
-        corners = np.stack([ideal[row + j, column + i] for j in (0, 1) for i in (0, 1)])
-        shares = np.stack(
-            [(1 - below) * (1 - right), (1 - below) * right, below * (1 - right), below * right]
-        )
-        between = 1.0 / np.sum(shares / corners, axis=0)
+        corners = np.ascontiguousarray(ideal).ravel()[self._corners]
+        between = 1.0 / np.sum(self._shares / corners, axis=0)
         one_surface = np.ptp(corners, axis=0) < EDGE
         return np.where(one_surface, between, self.nearest(ideal))

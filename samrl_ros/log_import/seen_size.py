@@ -99,7 +99,8 @@ def _linear_factor(recording: PoseRecording) -> float:
     """The factor of the seen positions, by robust least squares over it and the free translations."""
     constants, _ = solved([recording])
     chain = Chain(recording, constants)
-    expected, columns = chain.predicted((0.0, 0.0))[:, :3, 3], []
+    expected = chain.predicted((0.0, 0.0))[:, :3, 3]
+    columns = []
     for name in sorted(constants.free):
         for axis in range(3):
             moved = getattr(constants, name).copy()
@@ -107,10 +108,8 @@ def _linear_factor(recording: PoseRecording) -> float:
             chain.constants = replace(constants, **{name: moved})
             columns.append((chain.predicted((0.0, 0.0))[:, :3, 3] - expected).reshape(-1))
     seen = chain.seen[:, :3, 3]
-    design, weight = (
-        np.stack([seen.reshape(-1), *(-column for column in columns)], axis=1),
-        np.ones(len(seen)),
-    )
+    design = np.stack([seen.reshape(-1), *(-column for column in columns)], axis=1)
+    weight = np.ones(len(seen))
     for _ in range(_ROBUST_ROUNDS):
         root = np.repeat(weight, 3)
         found = np.linalg.lstsq(root[:, None] * design, root * expected.reshape(-1), rcond=1e-9)[0]

@@ -55,21 +55,6 @@ class Screen:
         mesh = box_mesh(self.size, COLOR)
         return Body(name, (part,), mesh, self.body_in_world, LABEL, mass=0.0, friction=FRICTION)
 
-    def hides(self, points: np.ndarray, eye: np.ndarray) -> np.ndarray:
-        """Which points (N, 3) [m] a camera at `eye` (3,) [m] does not see for the screen, (N,) bool.
-
-        A line of sight meets a box where its stretches between each pair of faces overlap (Kay and Kajiya,
-        SIGGRAPH 1986).
-        """
-        world_in_body = self.body_in_world.inverse()
-        start = world_in_body.apply(np.asarray(eye, dtype=np.float64))
-        way = world_in_body.apply(np.asarray(points, dtype=np.float64)) - start
-        half = 0.5 * np.array(self.size)
-        safe = np.where(np.abs(way) < 1e-12, 1e-12, way)
-        one, two = (-half - start) / safe, (half - start) / safe
-        enters, leaves = np.minimum(one, two).max(axis=1), np.maximum(one, two).min(axis=1)
-        return (np.maximum(enters, 0.0) <= np.minimum(leaves, 1.0)) & (leaves > 0.0)
-
 
 def bodies_of(screens: Sequence[Screen]) -> tuple[Body, ...]:
     """Screens as bodies, `screen_0` and so on."""

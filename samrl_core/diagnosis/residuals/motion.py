@@ -16,7 +16,7 @@ from scipy import signal
 from samrl_core.cell.types.arm_description import HELD, ArmController
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.diagnosis.residuals.control_law import LawTerms, held_values, law_terms
-from samrl_core.diagnosis.residuals.sample_times import SampleTimes, regular, sample_times
+from samrl_core.diagnosis.residuals.sample_times import SampleTimes, sample_times
 from samrl_core.diagnosis.residuals.signal_band import SignalBand, held_on_grid, nearest, onto_grid
 from samrl_core.diagnosis.residuals.signal_noise import (
     Noise,
@@ -50,7 +50,7 @@ class RecordedMotion(SignalBand):
         self.recording, self.arm, self.start_s = recording, arm, start_s
         states = without_differences(recording.states)
         self._taken = sample_times(states.time, states.position, states.velocity)
-        ticks = regular(states.time)
+        ticks = self._taken.ticks
         period = float(np.median(np.diff(ticks)))
         stride = max(1, round(1.0 / (period * MAX_RATE_HZ)))
         rate = 1.0 / (period * stride)

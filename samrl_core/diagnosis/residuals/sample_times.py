@@ -24,6 +24,7 @@ class SampleTimes:
     """Of the samples of one channel."""
 
     time: np.ndarray  # (N,) [s], increasing
+    ticks: np.ndarray  # (N,) [s] of the clock, or stamps that belong to none
     regular: bool  # ticks of a clock
     own: bool  # each sample was taken at its stamp, and not at the clock's tick
 
@@ -32,8 +33,8 @@ def sample_times(time: np.ndarray, *readings: np.ndarray | None) -> SampleTimes:
     """Of stamps (N,) [s] and what was read then, each (N, J) or not recorded."""
     ticks = regular(time)
     if any(taken_at_stamps(time, ticks, read) for read in readings if read is not None):
-        return SampleTimes(time, False, True)
-    return SampleTimes(ticks, ticks is not time, False)
+        return SampleTimes(time, ticks, False, True)
+    return SampleTimes(ticks, ticks, ticks is not time, False)
 
 
 def regular(time: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ import pytest
 
 from samrl_core.cell.types.image_recording import ImageTolerances
 from samrl_core.diagnosis.effects.images.lighting import EFFECT
-from samrl_core.diagnosis.residuals.images.colors import TINTS, compare_colors
+from samrl_core.diagnosis.residuals.images.colors import TINTS, ComparedColors, compare_colors
 from samrl_core.diagnosis.residuals.images.image_trial import ImageTrial
 from samrl_core.diagnosis.residuals.images.rows import Rows
 from samrl_core.diagnosis.residuals.images.scene import OBJECT, STATIC
@@ -26,9 +26,7 @@ GROUP, LIT = np.repeat([OBJECT, STATIC], 4), np.repeat([BLOCK, TABLE], 4, axis=0
 STATED = ImageTolerances()
 
 
-def rows(
-    light: float, paint: np.ndarray, table: np.ndarray, tint: float
-) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+def compared(light: float, paint: np.ndarray, table: np.ndarray, tint: float) -> ComparedColors:
     """Of a block with some paint more (3,) on a table whose colours are off by logarithms (3,)."""
     true = np.concatenate([FACES[:, None] * (BLOCK + paint), np.tile(TABLE * np.exp(table), (4, 1))])
     seen = np.minimum(true * np.exp(light + tint * TINTS[0]), 1.0)
@@ -42,12 +40,12 @@ def _painted(paint: np.ndarray, lit: float) -> np.ndarray:
 
 def told(light: float, paint: np.ndarray, table: np.ndarray, tint: float) -> tuple[float, float]:
     """Logarithm of the light and its standard deviation, by least squares with all tolerances as stated."""
-    value, shape, columns = rows(light, paint, table, tint)
+    of = compared(light, paint, table, tint)
     spreads = {**stated_spreads(STATED), "light": np.array([10.0])}
-    design = np.concatenate([(spreads[n][:, None] * c / (0.05 * shape)) for n, c in columns.items()]).T
+    design = np.concatenate([(spreads[n][:, None] * c / (0.05 * of.noise)) for n, c in of.columns.items()]).T
     covariance = np.linalg.inv(design.T @ design + np.eye(design.shape[1]))
-    found = covariance @ design.T @ (value / (0.05 * shape))
-    assert next(iter(columns)) == "light"
+    found = covariance @ design.T @ (of.value / (0.05 * of.noise))
+    assert next(iter(of.columns)) == "light"
     return 10.0 * float(found[0]), 10.0 * float(np.sqrt(covariance[0, 0]))
 
 
@@ -88,7 +86,7 @@ def test_a_colour_at_white_says_nothing_of_the_light() -> None:
 
 def cell(light: float, paint: np.ndarray, table: np.ndarray, tint: float) -> Evidence:
     """Evidence of brightness alone, all noise as stated; arguments as of `told`."""
-    value, shape, columns = rows(light, paint, table, tint)
+    of = compared(light, paint, table, tint)
     trial = cast(Any, object.__new__(ImageTrial))
     trial.recording = SimpleNamespace(tolerances=STATED, camera="camera", name="A", duration=1.0)
     trial.channels, trial.cached, trial.frames = ("color",), {}, ()
@@ -96,8 +94,10 @@ def cell(light: float, paint: np.ndarray, table: np.ndarray, tint: float) -> Evi
         camera_arm=SimpleNamespace(joint_names=()), tool_arm=SimpleNamespace(joint_names=())
     )
     trial.constants = SimpleNamespace(scene=SimpleNamespace(body="block", cell=arms))
-    trial._rows = {"color": Rows(value, np.zeros(len(value), dtype=int), shape, columns)}
-    trial._sigma = {"color": 0.05 * shape}
+    trial._rows = {
+        "color": Rows(of.value, np.zeros(len(of.value), dtype=int), of.noise, of.columns, of.surface)
+    }
+    trial._sigma = {"color": 0.05 * of.noise}
     return Evidence(Likelihood([trial]), 1.0)
 
 

@@ -43,9 +43,8 @@ class Brightness(ImageColumns):
 
     def find_seen(self, trial: ImageTrial, shape: Shape, amplitudes: np.ndarray) -> ImageTrial:
         """Without the colours that so much light would drive to white."""
-        names = ("light", "tint", "paint_object")
-        columns = {n: of["color", 0] for n in names if ("color", 0) in (of := trial.column(n))}
-        rows = find_driven_to_white(columns, min(float(amplitudes[0]), MOST))
+        (expected,) = trial.column("light")["color", 0]  # as bright as a surface is, so much light adds to it
+        rows = find_driven_to_white(expected, trial.surfaces("color"), min(float(amplitudes[0]), MOST))
         return trial.without("color", rows) if rows.any() else trial
 
 

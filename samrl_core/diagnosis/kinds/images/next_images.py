@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations, permutations
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from samrl_core.diagnosis.findings.discrimination import find_rivals
 from samrl_core.diagnosis.residuals.images.image_trial import ImageTrial
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.result import NextExperiment
-from samrl_core.diagnosis.selection.hypothesis import Fit
+from samrl_core.diagnosis.selection.hypothesis import Fit, Hypothesis
 from samrl_core.diagnosis.selection.twins import principal_angle
 
 
@@ -20,14 +21,13 @@ def next_images(
     """No file: a sentence with the smallest angle between the effects, and the views that show each."""
     rivals = {name: h for name, (h, _) in find_rivals(fits, names).items()}
     made = list(rivals.values())
-    pairs = [(a, b) for i, a in enumerate(made) for b in made[i + 1 :]]
-    if not pairs:
+    if len(made) < 2:
         return None, ""
-    angle = np.degrees(min(principal_angle(likelihood, a, b) for a, b in pairs))
+    angle = np.degrees(min(principal_angle(likelihood, a, b) for a, b in combinations(made, 2)))
     trial = likelihood.trials[0]
     assert isinstance(trial, ImageTrial)
     together = f"{' and '.join(rivals)} are {angle:.1f} degrees apart at the closest in these images"
-    if set(rivals) <= one_by_geometry(trial):
+    if _are_one_by_geometry(made, trial):
         return None, (
             f"{together}, and no motion of the camera splits them: a wrong zero of the last joint turns the"
             " camera about its flange as a wrong hand-eye does; correct both as one transform"
@@ -60,6 +60,6 @@ def _by_one_arm(rivals: set[str], trial: ImageTrial) -> str | None:
     return None
 
 
-def one_by_geometry(trial: ImageTrial) -> set[str]:
-    """Effects that move the camera alike from wherever it looks."""
-    return {f"hand_eye@{trial.places[0]}", f"encoder_offset@joint:{trial.joints['camera'][-1]}"}
+def _are_one_by_geometry(rivals: Sequence[Hypothesis], trial: ImageTrial) -> bool:
+    """Whether two effects move the camera alike from wherever it looks."""
+    return len(rivals) == 2 and any(a.form.is_done_by(trial, b.name) for a, b in permutations(rivals, 2))

@@ -8,6 +8,8 @@ each by itself, so that three tell more of the light than one, and where one has
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from samrl_core.diagnosis.residuals.images.scene import OBJECT, STATIC
@@ -20,9 +22,19 @@ MOST_AT_WHITE = 0.1  # share of a surface's tiles from which on a colour at whit
 UNKNOWN = 1.0  # standard deviation of the logarithm of such a colour
 
 
+@dataclass(frozen=True, eq=False)
+class ComparedColors:
+    """Colours of N surfaces in tiles, one colour after the other."""
+
+    value: np.ndarray  # (3 N,) e log(seen / e) for e expected
+    noise: np.ndarray  # (3 N,) of each against that of others
+    surface: np.ndarray  # (3 N,) index, another one for each colour of each surface
+    columns: dict[str, np.ndarray]  # name -> (p, 3 N)
+
+
 def compare_colors(
     expected: np.ndarray, seen: np.ndarray, group: np.ndarray, lit: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+) -> ComparedColors:
     """Rows of N surfaces in tiles, one colour after the other: those of one tile are alike by its grain.
 
     Args:
@@ -31,12 +43,10 @@ def compare_colors(
         group: (N,) what carries the surface, `OBJECT` or `STATIC`.
         lit: (N, 3) what is expected of the same paint where it is lit best. Another paint is darker by one
             share on all faces: as one difference it would be told from light by how they are shaded.
-
-    Returns:
-        e log(seen / e) for e expected (3 N,), its noise against that of others (3 N,), and columns (p, 3 N).
     """
     e = np.maximum(expected, DARK)
-    whole, hidden = _hide_white(*without_white(expected, seen, group), seen, group)
+    whole, unsure = without_white(expected, seen, group)
+    hidden = _hidden_by_white(unsure, seen, group)
     value = e * np.log(np.maximum(whole, DARK) / e)
     of_color = np.eye(COLORS)[:, None, :] * np.ones((1, len(e), 1))  # (3, N, 3)
     shade = e / np.maximum(lit, DARK)
@@ -52,22 +62,20 @@ def compare_colors(
         "white_static": of_color * e * hidden * on_static,
     }
     flat = {name: one.swapaxes(1, 2).reshape(len(one), -1) for name, one in columns.items()}
-    return value.T.ravel(), np.hypot(e, ADDED).T.ravel(), flat
+    surface = np.arange(COLORS)[:, None] + COLORS * (group == OBJECT)
+    return ComparedColors(value.T.ravel(), np.hypot(e, ADDED).T.ravel(), surface.ravel(), flat)
 
 
-def find_driven_to_white(columns: dict[str, np.ndarray], light: float) -> np.ndarray:
+def find_driven_to_white(expected: np.ndarray, surface: np.ndarray, light: float) -> np.ndarray:
     """Which rows (M,) of `compare_colors` tell nothing where the logarithm of the light is off by `light`.
 
     By what is expected, not by what is seen: an image that is bright already does not become so once more.
 
     Args:
-        columns: of one or more frames by name (p, M); those of the object may be missing.
+        expected: (M,) brightness, of one or more frames.
+        surface: (M,) index of each row's colour and surface.
         light: logarithm of the light against what is expected.
     """
-    (expected,) = columns["light"]
-    color = np.rint(1.0 - columns["tint"][0] / expected)
-    on_object = np.any(columns.get("paint_object", np.zeros((1, len(expected)))) > 0.0, axis=0)
-    surface = color + COLORS * on_object
     white = expected * np.exp(light) >= WHITE
     out = np.zeros(len(expected), dtype=bool)
     for one in np.unique(surface):
@@ -75,19 +83,17 @@ def find_driven_to_white(columns: dict[str, np.ndarray], light: float) -> np.nda
     return out
 
 
-def _hide_white(
-    whole: np.ndarray, hidden: np.ndarray, seen: np.ndarray, group: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Colours (N, 3), and what may be off in the logarithm of all tiles of a surface by white (N, 3).
+def _hidden_by_white(unsure: np.ndarray, seen: np.ndarray, group: np.ndarray) -> np.ndarray:
+    """What may be off in the logarithm of all tiles of a surface by white (N, 3), of how unsure each tile is.
 
     A colour that has ended at white in many tiles is as bright as the others of its surface say: counted once
     more it would tell the light twice. Where no colour is left, light is at least what makes all white.
     """
-    off = np.zeros_like(hidden)
+    off = np.zeros_like(unsure)
     for one in np.unique(group):
         of = group == one
         share = (seen[of] >= WHITE).mean(axis=0)
-        off[of] = hidden[of].mean(axis=0)
+        off[of] = unsure[of].mean(axis=0)
         if (share <= MOST_AT_WHITE).any():
             off[of] = np.where(share > MOST_AT_WHITE, UNKNOWN, off[of])
-    return whole, off
+    return off

@@ -102,9 +102,9 @@ class ImageTrial(Observed):
         """As `tiles`."""
         return self.tiles(channel)
 
-    def frame_index(self, channel: str) -> np.ndarray:
-        """(N,) which of `frames` each sample is of."""
-        return self._frame[channel]
+    def surfaces(self, channel: str) -> np.ndarray:
+        """(N,) index of each sample's surface and colour; (0,) of channels that are of no colour."""
+        return self._rows[channel].surface
 
     def elapsed(self, channel: str) -> np.ndarray:
         """Times (N,) since the first image [s]."""

@@ -7,7 +7,7 @@ pixels along the image's two axes; what moves them comes from the renderer's adj
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -50,6 +50,8 @@ class Rows:
     tile: np.ndarray  # (n,) index, row by row
     shape: np.ndarray  # (n,) noise of each row against others of its channel
     columns: dict[str, np.ndarray]  # name -> (p, n); a name that is missing moves nothing
+    # (n,) index of the surface and colour, of rows of colours; (0,) of others
+    surface: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,13 +89,12 @@ def frame_rows(
     label = rendered.label.numpy().copy()
     label[~np.isfinite(rendered.depth.numpy())] = 255
     inside = _inside(scene, frame, points[..., 2], label)
-    made = {
+    return {
         "depth": _depth_rows(scene, frame, points, inside, object_at, risen),
         "color": _color_rows(scene, frame, shaded.color.numpy().astype(float), inside),
         "depth_noise": _noise_rows(frame, points[..., 2], inside, noise_per_z2),
         "mask": _mask_rows(scene, frame, shares, label, vertices, moving),
     }
-    return made
 
 
 def _risen(z: np.ndarray, beside: np.ndarray) -> np.ndarray:
@@ -201,8 +202,9 @@ def _color_rows(
     if not where:
         return _stacked([], [], [], [])
     lit = np.stack([scene.find_brightest(group) for group in groups])
-    value, shape, columns = compare_colors(np.array(means), np.array(medians), np.array(groups), lit)
-    return Rows(value, np.tile(where, COLORS), shape, columns)
+    colors = compare_colors(np.array(means), np.array(medians), np.array(groups), lit)
+    tiles_of_rows = np.tile(where, COLORS)
+    return Rows(colors.value, tiles_of_rows, colors.noise, colors.columns, colors.surface)
 
 
 def _noise_rows(
@@ -321,6 +323,7 @@ def joined(rows: Sequence[Rows]) -> Rows:
         np.concatenate([r.tile for r in filled]),
         np.concatenate([r.shape for r in filled]),
         {n: np.concatenate([r.columns[n] for r in filled], axis=1) for n in names},
+        np.concatenate([r.surface for r in filled]),
     )
 
 

@@ -8,7 +8,7 @@ refused is no rival of it. Where all are refused, the first is the nearest.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -226,6 +226,8 @@ def judge_set(
     outcome = rules.decide(selection, named, runner_ups, alarms, far, settings)
     if chosen is None and doubted:
         outcome = rules.Decision("none_of_mine", tuple(doubted), unexplained=1.0)
+    if outcome.unconfirmed and outcome.verdict == "ambiguous":
+        named, runner_ups = _as_open(named, runner_ups, outcome.tied)
     contradicted = tuple(
         i for i, n in enumerate(named) if any(a.startswith((f"{n.name}:", f"{n.name} ")) for a in alarms)
     )
@@ -249,6 +251,15 @@ def _rivals(
         if i > len(twins) and (id(r) in refuted or _is_denied(selection, chosen, r))
     ]
     return twins, rivals, denied
+
+
+def _as_open(
+    named: tuple[NamedEffect, ...], runner_ups: tuple[NamedEffect, ...], tied: Sequence[str]
+) -> tuple[tuple[NamedEffect, ...], tuple[NamedEffect, ...]]:
+    """What is named and what stays open beside it, one as probable as the other."""
+    even = 1.0 / (1 + len(tied))
+    others = (replace(r, probability=even if r.name in tied else 0.0) for r in runner_ups)
+    return tuple(replace(n, probability=even) for n in named), tuple(others)
 
 
 def _is_denied(selection: Selection, chosen: Fit, rival: Fit) -> bool:

@@ -30,7 +30,7 @@ from samrl_ros.log_import.pose_specs import (
     rotations_of_matrices,
 )
 from samrl_ros.log_import.resampling import are_between
-from samrl_ros.log_import.seen_size import size_note
+from samrl_core.diagnosis.residuals.poses.seen_size import size_note
 from samrl_ros.log_import.sources import SourceData, read_source, update_digest
 
 SLOW_HZ = 5.0  # below it a track is no motion that can be interpolated

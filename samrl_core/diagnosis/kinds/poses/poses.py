@@ -19,6 +19,7 @@ from samrl_core.diagnosis.recordings.held_out import GAP_S, SHARE
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.poses.pose_trial import PoseTrial
+from samrl_core.diagnosis.residuals.poses.seen_size import find_opening
 from samrl_core.diagnosis.residuals.poses.solve import agreeing_views, check_stated, solved
 from samrl_core.diagnosis.result import NextExperiment
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
@@ -103,6 +104,12 @@ class Poses(Kind[PoseRecording]):
         return replace(first, name=f"{recording.name}, first half"), replace(
             last, name=f"{recording.name}, second half"
         )
+
+    def doubts(self, evidence: Evidence, chosen: Fit | None, least: float) -> list[str]:
+        if chosen is not None:
+            return []
+        made = [t for t in evidence.likelihood.trials if isinstance(t, PoseTrial)]
+        return [opening for trial in made if (opening := find_opening(trial.recording))]
 
     def next_experiment(
         self, likelihood: Likelihood, fits: Sequence[Fit], names: Sequence[str], seed: int

@@ -40,7 +40,7 @@ from samrl_ros.log_import.draft.tracks.transform_chains import FoundChains
 from samrl_ros.log_import.formats.views import STAR, is_of_views
 from samrl_ros.log_import.pose_importer import SLOW_HZ, import_poses
 from samrl_ros.log_import.pose_specs import PoseRecordingSpec
-from samrl_ros.log_import.seen_size import best_size
+from samrl_core.diagnosis.residuals.poses.seen_size import best_size
 from samrl_ros.log_import.sources import SourceData
 
 CLEARLY = 4.0  # times better than the next description: that is proof

@@ -17,6 +17,8 @@ from samrl_core.diagnosis.residuals.poses.chain import Chain, Constants, used_li
 from samrl_core.diagnosis.residuals.poses.solve import closing_error, solved
 
 ROUGH_M = 0.003  # that a chain stays open by, from which on sizes are tried
+OPEN_M = 0.01  # beyond it no detector is so rough, unless its stated errors are
+STATED = 10.0  # times the stated lasting errors of the detector, likewise
 CLEARLY = 2.5  # times closer than as it is: that is no noise
 LEAST = 0.03  # relative, of a size that is told
 _SETTLED, _ROUNDS = 0.005, 8  # relative change of the factor, and rounds until it
@@ -85,6 +87,33 @@ def size_note(recording: PoseRecording) -> str:
         f"nothing is stated, and the chain stays open by {1e3 * closes_m:.1f} mm; it closes to"
         f" {1e3 * size.closes_m:.1f} mm with a target of {size.factor:.2f} times the size that its detector"
         " was told. Correct the poses that it gave: until then no gap means that they are rough"
+    )
+
+
+def find_opening(recording: PoseRecording) -> str:
+    """Why a chain of which nothing is stated has a gap, in words; empty where it closes, or of any other.
+
+    What no transform closes is in no residual: all of it looks like a detector's noise.
+    """
+    if Constants.stated(recording).free != set(used_links(recording)):
+        return ""
+    try:
+        closes_m = closing_error(_scaled(recording, 1.0))
+    except InputError:
+        return ""
+    size = find_seen_size(recording, closes_m)
+    limit_m = max(OPEN_M, STATED * recording.tolerances.detection_position)
+    if size is None and closes_m < limit_m:
+        return ""
+    opening = f"{recording.name}: no transforms close the chain: it stays open by {1e3 * closes_m:.1f} mm"
+    if size is None:
+        return (
+            f"{opening}, limit {1e3 * limit_m:.1f} mm; look for poses of another target, a clock, an arm's"
+            " model, or state as `detection_position` how rough the detector is"
+        )
+    return (
+        f"{opening}, and by {1e3 * size.closes_m:.1f} mm with a target of {size.factor:.2f} times the size"
+        " that its detector was told; correct the poses that it gave"
     )
 
 

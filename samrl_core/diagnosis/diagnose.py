@@ -226,7 +226,7 @@ def _conclude(
     evidence, z = Evidence(likelihood, k), likelihood.whitened()
     judged = judge_sets(
         likelihood, held, selection, settings.verdict, settings.simulate, settings.seed, case.progress,
-        kind.doubts,
+        kind.doubts_of(likelihood, held),
     )  # fmt: skip
     watch.done("how sure and how far")
     selection, outcome, far = judged.selection, judged.outcome, judged.far

@@ -34,7 +34,9 @@ from samrl_core.diagnosis.selection.description import Misdescription, misdescri
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
 from samrl_core.diagnosis.selection.resimulation import simulable
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
+from samrl_core.diagnosis.verdict.foils import Foils
 from samrl_core.diagnosis.verdict.how_far import HowFar
+from samrl_core.diagnosis.verdict.judge import Doubts
 
 GOALS_APART = 1.5  # periods of the controller: from here on what it does between two goals is a question
 
@@ -130,6 +132,9 @@ class Arms(Kind[ArmRecording]):
 
     def misdescription(self, trials: Sequence[Observed]) -> Misdescription | None:
         return misdescription(as_arms(trials))
+
+    def doubts_of(self, fitted: Likelihood, held_out: Likelihood) -> Doubts:
+        return Foils(fitted, held_out).doubts
 
     def curve(self, evidence: Evidence, chosen: Fit, index: int) -> Curve | None:
         return curve_of(evidence, chosen, chosen.hypotheses[index])

@@ -17,6 +17,7 @@ from samrl_core.diagnosis.result import Curve, Diagnosis, NextExperiment
 from samrl_core.diagnosis.selection.description import Misdescription
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
 from samrl_core.diagnosis.verdict.how_far import HowFar
+from samrl_core.diagnosis.verdict.judge import Doubts
 
 
 class Recording(Protocol):
@@ -80,6 +81,10 @@ class Kind(ABC, Generic[R]):
         `least` [nat] is what an effect needs against nothing.
         """
         return []
+
+    def doubts_of(self, fitted: Likelihood, held_out: Likelihood) -> Doubts:
+        """`doubts` of these recordings, with what they share evaluated once."""
+        return self.doubts
 
     def notes(self, trials: Sequence[Observed]) -> list[str]:
         """Remarks about the input that only residuals show."""

@@ -35,6 +35,7 @@ CHANNELS = ("controller", "drive", "link", "dynamics", "tracking")
 UNITS = {"controller": "N m", "drive": "N m", "link": "N m", "dynamics": "N m", "tracking": "rad"}
 RELATIVE_FLOOR = 0.02  # of a block's own residual: no formula of friction is right to better than this
 FRICTION_FLOOR = 0.05  # of the tolerated Coulomb friction
+LEAST_NOISE = 1e-9  # of the effort scale: a joint that nothing drives has no noise of its own
 TORQUE_FLOOR = 0.002  # of a joint's torque variation: sampling and filtering
 TIMING_RATE_HZ = 20.0  # below it moves are not followed, only what stays when they are over
 SETTLED = 1e-6  # [rad] travel of a command that rests
@@ -161,7 +162,8 @@ def form_equations(motion: RecordedMotion) -> Equations:
         # What an integral held when the recording began is unknown, and no part of a formula.
         own = residual["controller"] - np.where(integrates(arm), residual["controller"].mean(axis=0), 0.0)
         wider = widen_where_held(_spread(level, own), motion, rounded)
-        sigma["controller"] = _past_wider(widen_at_edges(wider, motion), motion, scale)
+        wider = _past_wider(widen_at_edges(wider, motion), motion, scale)
+        sigma["controller"] = np.maximum(wider, LEAST_NOISE * scale)  # no law, no effort: nothing is off
     if u is not None and tau is not None:
         residual["drive"] = u - rotor - tau
         rotor_noise = armature(arm) * np.sqrt(motion.acceleration_noise(0.0, motion.band))

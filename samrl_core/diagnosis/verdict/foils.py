@@ -26,7 +26,8 @@ from samrl_core.diagnosis.selection.selection import SHOWN, WIDE, SelectionSetti
 TURNS = (0.04, 0.1, 0.25, 0.6)  # of the fastest motion, at which a brake of eddy currents is strongest
 SHAPES_TRIED = 15  # of the best one
 BETTER = 6.0  # [nat] that a foil must explain beyond what is named: it is less likely before any data
-NOTED = 0.01  # of what is named, likewise: no formula is exact
+NOTED = 0.0025  # of what is named, likewise: within a quarter of a percent two formulas are tied
+CERTAIN = 8.0  # times what an effect needs, where none is believed: such a gap must be beyond any chance
 FORETOLD = 0.5  # of what it should win on held-out recordings: noise in a regressor wins half there
 
 Law = Callable[[Trial, int, Shape], np.ndarray]  # recording, joint, shape -> lost torque (F,) per unit
@@ -124,12 +125,12 @@ class Foils:
         fit = evidence.refine(fit, 0, SHAPES_TRIED)
         law = fit.hypotheses[0]
         won, expected = held_out_gains(self._held_out, fit, evidence.correlation_time)
-        if expected < SHOWN or won < FORETOLD * expected:
+        if not (expected >= SHOWN and won >= FORETOLD * expected):
             return []
         says = f"{law.place}: {law.form.name} explains"
         there = f"and {won:.0f} of {expected:.0f} as foretold on held-out ones; no effect of the library does"
         if chosen is None:
-            enough = fit.log_evidence >= least and self._stands_wide(evidence, law)
+            enough = fit.log_evidence >= CERTAIN * least and self._stands_wide(evidence, law)
             return [f"{says} {fit.log_evidence:.0f} of log evidence, {there}"] if enough else []
         more = fit.log_evidence - chosen.log_evidence
         foretells = won > held_out_gains(self._held_out, chosen, evidence.correlation_time)[0]

@@ -7,7 +7,15 @@ from collections.abc import Mapping
 import numpy as np
 
 from samrl_core.cell.types.controllers.kind import ENCODER, ControllerKind, Gains, Key
-from samrl_core.cell.types.controllers.motors import MOTOR, ON_VOLTAGE, back_emf, rotor, torque_per_volt
+from samrl_core.cell.types.controllers.motors import (
+    MOTOR,
+    ON_VOLTAGE,
+    SOME_DRIVEN,
+    back_emf,
+    limit_of,
+    rotor,
+    torque_per_volt,
+)
 from samrl_core.cell.types.drive_law import DriveLaw
 
 
@@ -22,7 +30,7 @@ class PositionServo(ControllerKind):
     )
     source = "ROBOTIS e-manual, MX-28: PID and feed-forward gains; AX-12: compliance margin and punch"
     keys = (
-        Key("stiffness", "N m/rad", "K", None, True),
+        Key("stiffness", "N m/rad", "K; 0 at a joint that nothing drives", None, True, True),
         Key("damping", "N m s/rad", "D", 0.0),
         Key("integral", "N m/(rad s)", "Ki; stands still while the output is clipped", 0.0),
         Key("velocity_feedforward", "1", "s, share of the commanded velocity", 0.0),
@@ -63,7 +71,8 @@ class VoltageServo(ControllerKind):
         Key("dead_band", "rad", "half width of the error that is ignored: dz(e)", 0.0),
         Key("punch", "V", "voltage that sets in beyond the dead band", 0.0),
         Key("voltage_limit", "V", "supply, or most duty times supply", None, True),
-        *MOTOR,
+        SOME_DRIVEN,
+        *MOTOR[1:],
     )
     choices = ON_VOLTAGE
 
@@ -87,7 +96,7 @@ class VoltageServo(ControllerKind):
             law,
             strength * values["proportional"],
             strength * values["derivative"],
-            strength * values["voltage_limit"],
+            limit_of(strength, values["voltage_limit"]),
             rotor(values),
         )
 
@@ -100,7 +109,7 @@ class VelocityDrive(ControllerKind):
     formula = "w = kp e + s dq_d - dq; u = clip(kv w + ki int w); torque u"
     source = "cascaded P-PI loops of servo drives; the EMPS benchmark of Janot, Gautier and Brunot 2019"
     keys = (
-        Key("velocity_gain", "N m s/rad", "kv", None, True),
+        Key("velocity_gain", "N m s/rad", "kv; 0 at a joint that nothing drives", None, True, True),
         Key("position_gain", "1/s", "kp; 0 is a speed loop alone", 0.0),
         Key("integral", "N m/rad", "ki; stands still while the output is clipped", 0.0),
         Key("velocity_feedforward", "1", "s, share of the commanded velocity", 1.0),

@@ -55,6 +55,8 @@ class ControllerGain(Effect):
         punch = controller.law.of_joints("punch", trial.joints)
         there = (("eK", controller.stiffness), ("eD", controller.damping), ("eP", punch))
         names = tuple(name for name, gain in there if np.any(gain[joints] > 0))
+        if not names:  # a joint that nothing drives
+            return ()
         gains = ScaledGains(name="gains", place=place, amplitudes=names)
         if "eK" not in names or controller.law.cascaded or not clips(trial, place):
             return (gains,)

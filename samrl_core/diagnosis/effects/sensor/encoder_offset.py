@@ -9,6 +9,9 @@ from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.trial import Trial
 
+MOST_RAD = 0.1  # offset that shows nowhere
+UNSEEN = 1e-6  # of the effort scale: a torque that no log holds
+
 
 class EncoderOffset(Effect):
     """A joint reads a constant angle too much; the arm hangs elsewhere than it says."""
@@ -26,7 +29,16 @@ class EncoderOffset(Effect):
     parameters = (Parameter("e", "rad", 0.001, 0.1, "offset of the reading"),)
 
     def why_unobservable(self, trial: Trial) -> str | None:
-        return lacks_link_torque(trial)
+        """Needs a torque that changes with some joint's position: an upright axis or a slide has none."""
+        if (lacks := lacks_link_torque(trial)) is not None:
+            return lacks
+        most = MOST_RAD * np.max(np.abs(trial.stiffness), axis=(0, 2))  # of each joint's torque
+        if np.all(most < UNSEEN * np.asarray(trial.scale)):
+            return (
+                "no torque here changes with a joint's zero: gravity and inertia are alike all along an upright"
+                " axis or a slide; measure the pose from outside"
+            )
+        return None
 
     def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
         return (ConstantError(place=place, amplitudes=("e",)),)

@@ -12,8 +12,8 @@ from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
 ONE = (
-    '<robot name="one"><link name="base"/><link name="part"><inertial><origin xyz="0.2 0 0"/><mass value="2"/>'
-    '<inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial></link>'
+    '<robot name="one"><link name="base"/><link name="part"><inertial><origin xyz="0.2 0 0"/>'
+    '<mass value="2"/><inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial></link>'
     '<joint name="axis" type="{kind}"><parent link="base"/><child link="part"/><axis xyz="{axis}"/>'
     '<limit lower="-2" upper="2" effort="20" velocity="3"/></joint></robot>'
 )

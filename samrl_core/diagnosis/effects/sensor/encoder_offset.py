@@ -35,8 +35,8 @@ class EncoderOffset(Effect):
         most = MOST_RAD * np.max(np.abs(trial.stiffness), axis=(0, 2))  # of each joint's torque
         if np.all(most < UNSEEN * np.asarray(trial.scale)):
             return (
-                "no torque here changes with a joint's zero: gravity and inertia are alike all along an upright"
-                " axis or a slide; measure the pose from outside"
+                "no torque here changes with a joint's zero: gravity and inertia are alike all along an"
+                " upright axis or a slide; measure the pose from outside"
             )
         return None
 

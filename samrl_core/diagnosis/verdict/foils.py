@@ -25,7 +25,7 @@ from samrl_core.diagnosis.selection.selection import SHOWN, WIDE, SelectionSetti
 
 TURNS = (0.04, 0.1, 0.25, 0.6)  # of the fastest motion, at which a brake of eddy currents is strongest
 SHAPES_TRIED = 15  # of the best one
-BETTER = 6.0  # [nat] that a foil must explain beyond what is named: it is less likely before any data
+BETTER = 10.0  # [nat] that a foil must explain beyond what is named: it is less likely before any data
 NOTED = 0.0025  # of what is named, likewise: within a quarter of a percent two formulas are tied
 CERTAIN = 8.0  # times what an effect needs, where none is believed: such a gap must be beyond any chance
 FORETOLD = 0.5  # of what it should win on held-out recordings: noise in a regressor wins half there

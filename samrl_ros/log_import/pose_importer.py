@@ -15,6 +15,7 @@ from samrl_core.cell.types.pose_recording import ArmPoses, PoseRecording, PoseTo
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_file
 from samrl_core.diagnosis.nominal_model.read_model import read_model
+from samrl_core.diagnosis.residuals.poses.seen_size import size_note
 from samrl_ros.log_import.formulas import evaluate
 from samrl_ros.log_import.imported_files import check_names, entries_of
 from samrl_ros.log_import.pose_specs import (
@@ -30,7 +31,6 @@ from samrl_ros.log_import.pose_specs import (
     rotations_of_matrices,
 )
 from samrl_ros.log_import.resampling import are_between
-from samrl_core.diagnosis.residuals.poses.seen_size import size_note
 from samrl_ros.log_import.sources import SourceData, read_source, update_digest
 
 SLOW_HZ = 5.0  # below it a track is no motion that can be interpolated

@@ -17,6 +17,7 @@ import numpy as np
 
 from samrl_core.cell.types.pose_recording import PoseRecording
 from samrl_core.common.errors import InputError
+from samrl_core.diagnosis.residuals.poses.seen_size import best_size
 from samrl_core.diagnosis.residuals.poses.solve import closing_error
 from samrl_ros.log_import.draft.column_names import BASES, CAMERAS, CARRIED, SEEN, words_in
 from samrl_ros.log_import.draft.guess import Draft
@@ -40,7 +41,6 @@ from samrl_ros.log_import.draft.tracks.transform_chains import FoundChains
 from samrl_ros.log_import.formats.views import STAR, is_of_views
 from samrl_ros.log_import.pose_importer import SLOW_HZ, import_poses
 from samrl_ros.log_import.pose_specs import PoseRecordingSpec
-from samrl_core.diagnosis.residuals.poses.seen_size import best_size
 from samrl_ros.log_import.sources import SourceData
 
 CLEARLY = 4.0  # times better than the next description: that is proof

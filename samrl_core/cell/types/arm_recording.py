@@ -18,6 +18,8 @@ class JointSignal:
     velocity: np.ndarray | None = None  # (N, J) [rad/s or m/s]
     acceleration: np.ndarray | None = None  # (N, J) [rad/s2 or m/s2]
     effort: np.ndarray | None = None  # (N, J) [N m or N]
+    # (N, J) [rad/s or m/s] as a driver's low-pass reports it, where a law damps that and it is no motion's
+    filtered_velocity: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.time)

@@ -4,7 +4,7 @@ All numbers are seen from the joint, so one formula holds for a servo in N m/rad
 
     e = q_d - q, q_d rounded to command_step;  dz(e) = e less the dead band, zero within it
     spring = K dz(e) + punch sgn(dz(e)),  or K/p sin(p e) where the torque repeats with the pole pitch
-    damper = D (velocity_share dq_d - dq)
+    damper = D (velocity_share dq_d - dq),  dq as a low-pass of time constant velocity_lag reports it
     I' = integral dz(e) + velocity_integral (velocity_share dq_d - dq), held while the limit is met
     u = clip(spring + damper + I + feed-forward + g(q)),  torque = u - back_emf dq
 
@@ -27,6 +27,7 @@ class DriveLaw:
     """One number for all joints, or one per joint (J,). For sliding joints read m for rad and N for N m."""
 
     velocity_share: PerJoint = 1.0  # of the commanded velocity that damping compares with
+    velocity_lag: PerJoint = 0.0  # of the measured one: time constant of its first-order low-pass [s]
     integral: PerJoint = 0.0  # of the position error [N m/(rad s)]
     velocity_integral: PerJoint = 0.0  # of the velocity error [N m/rad]
     cascaded: bool = False  # the position gain stands before the integral as well

@@ -129,6 +129,7 @@ def _is_plain(law: DriveLaw) -> bool:
     plain = DriveLaw()
     told = (
         "velocity_share",
+        "velocity_lag",
         "torque_per_volt",
         "torque_per_ampere",
         "most_volt",
@@ -171,6 +172,7 @@ def _held_out(run: Resimulation) -> dict[str, np.ndarray]:
     out = {
         "stiffness": np.asarray(control.stiffness, dtype=float),
         "damping": np.asarray(control.damping, dtype=float),
+        "velocity_lag": control.law.of_joints("velocity_lag", run.trial.joints),
         "time": run.time,
         "start_position": np.median(motion.full_position[:5], axis=0),
         "start_velocity": np.median(motion.full_velocity[:5], axis=0),

@@ -19,6 +19,8 @@ from samrl_core.diagnosis.findings.posterior import correction_of
 from samrl_core.diagnosis.kinds.kind import Kind
 from samrl_core.diagnosis.recordings import split
 from samrl_core.diagnosis.recordings.in_common import in_common
+from samrl_core.diagnosis.recordings.velocity_lag import set_apart
+from samrl_core.diagnosis.residuals.law_velocity import with_law_velocity
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.sample_times import regular
@@ -57,7 +59,15 @@ class Arms(Kind[ArmRecording]):
                     f"{other.name} has joints {other.arm.joints}, {recordings[0].name} has {first.joints}; "
                     "diagnose one arm at a time"
                 )
-        return in_common(recordings)
+        found, notes = in_common(recordings)
+        if not all(is_fast(log_rate(r)) for r in found):
+            return found, notes  # a slow log may need its velocities to tell accelerations
+        found, lag = set_apart(found)
+        if lag <= 0.0:
+            return found, notes
+        found, law = with_law_velocity(found, lag)
+        late = f"the logged velocity is {1e3 * lag:.1f} ms behind the positions, as a driver's filter has it"
+        return found, [*notes, f"{late}: motion is taken as their derivative{law}"]
 
     def usable(
         self, fit: Sequence[ArmRecording], held_out: Sequence[ArmRecording]

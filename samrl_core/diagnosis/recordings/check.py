@@ -6,7 +6,6 @@ from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.recordings import gravity_torque, sampling, units
 from samrl_core.diagnosis.recordings import motion_check as motion
-from samrl_core.diagnosis.recordings.velocity_lag import lag_notes
 
 
 def check_recording(recording: ArmRecording) -> tuple[str, ...]:
@@ -40,7 +39,6 @@ def check_recording(recording: ArmRecording) -> tuple[str, ...]:
     units.refuse_wraps(where, recording)
     notes += units.limit_notes(where, recording)
     notes += units.velocity_notes(where, recording)
-    notes += lag_notes(recording.states)
     notes += units.command_notes(where, recording)
     notes += units.effort_notes(recording)
     notes += gravity_torque.gravity_notes(where, recording)

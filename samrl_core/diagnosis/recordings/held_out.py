@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 
@@ -103,7 +103,7 @@ def block(recording: ArmRecording, begin_s: float, end_s: float) -> ArmRecording
         if signal is None:
             return None
         keep = (signal.time >= begin_s) & (signal.time < end_s)
-        parts = {q: getattr(signal, q) for q in ("position", "velocity", "acceleration", "effort")}
+        parts = {f.name: getattr(signal, f.name) for f in fields(signal) if f.name != "time"}
         return JointSignal(signal.time[keep], **{q: None if v is None else v[keep] for q, v in parts.items()})
 
     states = cut(recording.states)

@@ -2,15 +2,19 @@
 
 A lag of 3 ms leaves the inertia's torque 3 ms late and friction's sign wrong at every reversal; and what the
 filter leaves of the noise above it says nothing of that below. The positions have all that such a velocity
-was made of. It is told and not done: a controller's law that damps the filtered velocity needs it as it is.
+was made of, so equations of motion take their derivative. A law may damp the filtered velocity all the same:
+see `residuals.law_velocity`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 from scipy import signal
 
-from samrl_core.cell.types.arm_recording import JointSignal
+from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 
 COMPARED_HZ = 10.0  # content of motions, in which a low-pass is a delay
 RATES = 8.0  # of a log, to the highest frequency that is compared
@@ -54,15 +58,22 @@ def velocity_lag(states: JointSignal) -> float:
     return shared if shared > SURE * deviation else 0.0
 
 
-def lag_notes(states: JointSignal) -> list[str]:
-    """What to do about velocities that are so late that a filter stands between them and the positions."""
-    lag = velocity_lag(states)
-    if lag <= max(LEAST_S, LEAST_PERIODS * float(np.median(np.diff(states.time)))):
-        return []
-    return [
-        f"velocity is {1e3 * lag:.0f} ms behind the position, as a driver's filter has it: what depends on"
-        " accelerations and on reversals is judged better with `velocity: derivative` in a mapping"
-    ]
+def is_filtered(states: JointSignal) -> bool:
+    """Whether velocities are so late that a filter stands between them and the positions, for sure."""
+    return velocity_lag(states) > max(LEAST_S, LEAST_PERIODS * float(np.median(np.diff(states.time))))
+
+
+def set_apart(recordings: Sequence[ArmRecording]) -> tuple[list[ArmRecording], float]:
+    """Recordings with late velocities apart, as no motion's, and how late [s] they are; 0 where none is.
+
+    One arm has one driver: all velocities go where any is late for sure.
+    """
+    lags = [velocity_lag(r.states) for r in recordings if is_filtered(r.states)]
+    if not lags:
+        return list(recordings), 0.0
+    apart = [replace(r.states, velocity=None, filtered_velocity=r.states.velocity) for r in recordings]
+    found = [replace(r, states=states) for r, states in zip(recordings, apart, strict=True)]
+    return found, float(np.median(lags))
 
 
 def _sums(x: np.ndarray) -> np.ndarray:

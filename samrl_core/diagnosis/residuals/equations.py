@@ -151,8 +151,8 @@ def form_equations(motion: RecordedMotion) -> Equations:
         rounded = rounding_noise(motion, raw)
         level = np.hypot(share * np.maximum(sample_detail(raw), rounded), floor)
         assert arm.controller is not None
-        if motion.raw_velocity is None:  # the law then damps differences of noisy positions
-            damped = arm.controller.damping
+        if motion.raw_velocity is None:  # what multiplies differences of noisy positions
+            damped = arm.controller.damping * (not motion.logs_damped_velocity)
             if arm.controller.law.after_back_emf:
                 damped = damped + arm.controller.law.of_joints("back_emf", motion.joints)
             rising = damped * np.sqrt(motion.velocity_noise())
@@ -225,7 +225,9 @@ def _noise_of_speed(motion: RecordedMotion) -> np.ndarray:
         gain = controller.law.of_joints("back_emf", motion.joints)
     if motion.raw_velocity is not None:
         return gain * np.sqrt(motion.band_share) * motion.noise.velocity
-    return (gain + controller.damping * motion.computed) * np.sqrt(motion.velocity_noise())
+    if motion.computed and not motion.logs_damped_velocity:
+        gain = gain + controller.damping
+    return gain * np.sqrt(motion.velocity_noise())
 
 
 def _has_loop(arm: ArmDescription) -> bool:
@@ -254,7 +256,7 @@ def integrated_terms(motion: RecordedMotion) -> tuple[np.ndarray, np.ndarray]:
     rate = sprung + winds[1] * law.damper / damped
     step = 1.0 / motion.rate
     between, both = min(controller.period_s, step), np.sqrt(step + min(controller.period_s, step))
-    if motion.raw_velocity is not None or motion.asked is None or motion.computed:
+    if motion.logs_damped_velocity or motion.asked is None or motion.computed:
         return rate, white_noise(rate, motion.rate) * both
     # The noise of speeds that nobody recorded is in the torque; that of differences does not add up.
     read = winds[1] / damped * white_noise(motion.asked, motion.rate)

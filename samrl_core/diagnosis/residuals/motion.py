@@ -11,7 +11,6 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from scipy import signal
 
 from samrl_core.cell.types.arm_description import HELD, ArmController
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
@@ -21,7 +20,6 @@ from samrl_core.diagnosis.residuals.signal_band import SignalBand, held_on_grid,
 from samrl_core.diagnosis.residuals.signal_noise import (
     Noise,
     Reading,
-    highest_sure_frequency,
     is_fast,
     quantum,
     tells_accelerations,
@@ -35,7 +33,6 @@ DIFFERENCED_HZ = 15.0  # the same where no velocity was recorded
 MAX_RATE_HZ = 1000.0
 SLOW_PERIOD_S = 0.003  # of a controller, from which on it matters when within it a torque acts
 SAME_PERIOD = 0.75  # of a log's: a controller that is faster sends torques that are not logged
-LEAST_SURE_HZ = 1.0  # up to which a motion counts as one, or a fiftieth of a slower log's rate
 
 
 class RecordedMotion(SignalBand):
@@ -49,7 +46,7 @@ class RecordedMotion(SignalBand):
         """Resample and filter; `start_s` is the time since the first recording's start (for slow drifts)."""
         self.recording, self.arm, self.start_s = recording, arm, start_s
         states = without_differences(recording.states)
-        self._taken = sample_times(states.time, states.position, states.velocity)
+        self._taken = sample_times(states.time, states.position, states.velocity, states.filtered_velocity)
         ticks = self._taken.ticks
         period = float(np.median(np.diff(ticks)))
         stride = max(1, round(1.0 / (period * MAX_RATE_HZ)))
@@ -61,9 +58,9 @@ class RecordedMotion(SignalBand):
         super().__init__(rate, band, float(ticks[-1] - ticks[0]), dynamic)
         self.joints = len(recording.arm.joints)
         self.time = np.arange(ticks[0], ticks[-1] + 0.5 / rate, 1.0 / rate)
-        self.raw_position, self.raw_velocity, self.raw_effort = (
+        self.raw_position, self.raw_velocity, self.raw_effort, self.filtered_velocity = (
             onto_grid(self._taken, x, self.time, self._holds_commands)
-            for x in (states.position, states.velocity, states.effort)
+            for x in (states.position, states.velocity, states.effort, states.filtered_velocity)
         )
         position = self.raw_position
         if position is None or states.position is None:
@@ -169,6 +166,19 @@ class RecordedMotion(SignalBand):
         still = np.zeros_like(self.raw_position)
         return JointSignal(self.time, still, still, None, self.given)
 
+    @property
+    def logs_damped_velocity(self) -> bool:
+        """Whether the velocity that the law damps was recorded; else it is differenced from positions."""
+        return self.filtered_velocity is not None or self.raw_velocity is not None
+
+    @property
+    def damped_velocity(self) -> np.ndarray:
+        """Velocity (F, J) that the law damps: as the drive reports it where that is recorded."""
+        for read in (self.filtered_velocity, self.raw_velocity):
+            if read is not None:
+                return read
+        return self.full_velocity
+
     @cached_property
     def asked(self) -> np.ndarray | None:
         """Torque (F, J) at standstill that the drives were asked for, as recorded."""
@@ -195,8 +205,7 @@ class RecordedMotion(SignalBand):
         """
         command, controller = command or self.command, described or self.controller
         assert command is not None and controller is not None and self.raw_position is not None
-        velocity = self.raw_velocity if self.raw_velocity is not None else self.full_velocity
-        position = self.raw_position
+        position, velocity = self.raw_position, self.damped_velocity
         if lag:
             position, velocity = np.roll(position, lag, axis=0), np.roll(velocity, lag, axis=0)
         if (ticks := self._ticks) is not None:
@@ -327,12 +336,12 @@ class RecordedMotion(SignalBand):
         What multiplies accelerations must not multiply their noise: that is in the residual as well, and any
         inertia, real or tolerated, would seem to explain it (errors in variables; Soderstrom 2007).
         """
-        return self._sure(self.full_acceleration, self.reading.values, self.reading.deviation)
+        return self.sure_by(self.full_acceleration, self.reading.values, self.reading.deviation)
 
     @cached_property
     def sure_velocity(self) -> np.ndarray:
         """Velocities (F, J) likewise: noise would turn a friction's sign many times at every reversal."""
-        return self._sure(self.full_velocity, self.reading.values, self.reading.deviation)
+        return self.sure_by(self.full_velocity, self.reading.values, self.reading.deviation)
 
     @cached_property
     def reading(self) -> Reading:
@@ -359,24 +368,6 @@ class RecordedMotion(SignalBand):
         """Link-side effort (F, J) as far as it is no noise."""
         assert self.raw_effort is not None
         return self.sure(self.raw_effort, self.noise.effort)
-
-    def sure(self, x: np.ndarray, noise: np.ndarray) -> np.ndarray:
-        """A signal (F, J) up to where it stands out of its own white noise of deviation (J,)."""
-        return self._sure(x, x, noise)
-
-    def _sure(self, x: np.ndarray, read: np.ndarray, noise: np.ndarray) -> np.ndarray:
-        """A signal (F, J) up to where a reading (F, J) stands out of white noise (J,), if within the band."""
-        if not self.dynamic:
-            return x
-        highest = highest_sure_frequency(read, noise, self.rate)
-        cut = np.flatnonzero(highest < self.band)
-        if not len(cut):
-            return x
-        out, least = x.copy(), min(LEAST_SURE_HZ, self.rate / 50.0)
-        for j in cut:
-            low = signal.butter(3, max(float(highest[j]), least), fs=self.rate, output="sos")
-            out[:, j] = signal.sosfiltfilt(low, x[:, j])
-        return out
 
     def velocity_noise(self) -> np.ndarray:
         """Variance (J,) [rad2/s2] that white position noise has in velocities within the band."""

@@ -203,7 +203,7 @@ def _late_speeds(trial: Trial, tolerances: Tolerances) -> list[tuple[Columns, fl
     recorded position's slope is of the moment itself.
     """
     motion, controller = trial.motion, trial.recording.arm.controller
-    if controller is None or not trial.shows_controller or motion.raw_velocity is not None:
+    if controller is None or not trial.shows_controller or motion.logs_damped_velocity:
         return []
     late = max(tolerances.stamp, 0.5 * controller.period_s)
     wound = controller.law.of_joints("velocity_integral", trial.joints)  # but for what it held at the start

@@ -8,9 +8,11 @@ import numpy as np
 from scipy import interpolate, signal
 
 from samrl_core.diagnosis.residuals.sample_times import SampleTimes, between, regular
+from samrl_core.diagnosis.residuals.signal_noise import highest_sure_frequency
 
 SMOOTH_HZ = 80.0  # for quantities that enter a nonlinear formula before the band is applied
 EDGE_PERIODS = 2.5  # of the band: so long after the start, and before the end, a filter bends signals
+LEAST_SURE_HZ = 1.0  # up to which a motion counts as one, or a fiftieth of a slower log's rate
 MOST_OF_IT = 0.04  # of a recording, at most, that is lost so at either end
 
 
@@ -72,6 +74,24 @@ class SignalBand:
                 rings = np.convolve(np.sqrt(column[run]), response)
                 found[run[0] : run[0] + len(rings), j] += rings**2
         return self._pick(found[reach:-reach])
+
+    def sure(self, x: np.ndarray, noise: np.ndarray) -> np.ndarray:
+        """A signal (F, J) up to where it stands out of its own white noise of deviation (J,)."""
+        return self.sure_by(x, x, noise)
+
+    def sure_by(self, x: np.ndarray, read: np.ndarray, noise: np.ndarray) -> np.ndarray:
+        """A signal (F, J) up to where a reading (F, J) stands out of white noise (J,), if within the band."""
+        if not self.dynamic:
+            return x
+        highest = highest_sure_frequency(read, noise, self.rate)
+        cut = np.flatnonzero(highest < self.band)
+        if not len(cut):
+            return x
+        out, least = x.copy(), min(LEAST_SURE_HZ, self.rate / 50.0)
+        for j in cut:
+            low = signal.butter(3, max(float(highest[j]), least), fs=self.rate, output="sos")
+            out[:, j] = signal.sosfiltfilt(low, x[:, j])
+        return out
 
     def _filtered(self, x: np.ndarray) -> np.ndarray:
         if self._band_filter is None:

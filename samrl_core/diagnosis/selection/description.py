@@ -303,4 +303,5 @@ def _corrected(
         velocity=moved(signal.velocity),
         acceleration=moved(signal.acceleration),
         effort=effort,
+        filtered_velocity=moved(signal.filtered_velocity),
     )

@@ -16,12 +16,14 @@ from dataclasses import astuple
 from pathlib import Path
 
 import numpy as np
+from scipy import signal
 
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.common.files import write_whole
 from samrl_core.diagnosis.effects.effect import Effect
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
+from samrl_core.diagnosis.residuals.signal_noise import white_noise
 from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.selection.hypothesis import Evidence
 from samrl_core.diagnosis.selection.resimulation import from_start, simulable
@@ -101,16 +103,20 @@ def simulate_null_recordings(
             return None
         noise = motion.noise
         reading = position + noise.position * rng.standard_normal(position.shape)
-        speed = velocity + noise.velocity * rng.standard_normal(velocity.shape)
+        filtered = motion.filtered_velocity
+        late = controller.law.of_joints("velocity_lag", trial.joints)
+        damped = velocity if filtered is None else low_passed(velocity, late, 1.0 / motion.rate)
+        wobble = noise.velocity if filtered is None else white_noise(filtered, motion.rate)
+        speed = damped + wobble * rng.standard_normal(velocity.shape)
         # The controller computed from noisy readings; their noise is in the recorded torque as well.
         sent = run.commanded_effort[0] - controller.stiffness * (reading - position)
-        sent = sent - controller.damping * (speed - velocity)
+        sent = sent - controller.damping * (speed - damped)
         effort = None
         if motion.raw_effort is not None:
             effort = run.effort[0] + noise.effort * rng.standard_normal(position.shape)
         # A speed that nobody logs is differenced from positions here as it is there.
         logged = None if motion.raw_velocity is None else speed
-        states = JointSignal(run.time, reading, logged, None, effort)
+        states = JointSignal(run.time, reading, logged, None, effort, None if filtered is None else speed)
         recorded = trial.recording.commanded_effort is not None
         if controller.law.open_loop:
             sent = run.commanded_effort[0]  # what was put in
@@ -121,6 +127,15 @@ def simulate_null_recordings(
                 trial.recording.name, "", "", arm, states, shifted, commanded, torque_enabled=enabled
             )
         )
+    return out
+
+
+def low_passed(x: np.ndarray, lag_s: np.ndarray, period_s: float) -> np.ndarray:
+    """Samples (F, J) behind a first-order low-pass of time constants (J,) [s], as a simulated law has it."""
+    out = np.empty_like(x)
+    for j, lag in enumerate(lag_s.tolist()):
+        share = period_s / (period_s + lag)
+        out[:, j], _ = signal.lfilter([share], [1.0, share - 1.0], x[:, j], zi=(1.0 - share) * x[:1, j])
     return out
 
 
@@ -172,6 +187,8 @@ def _key(trials: Sequence[Trial], effects: Sequence[Effect], seed: int) -> str:
         digest.update(repr(astuple(arm.tolerances)).encode())
         digest.update(np.round(command.position, 6).tobytes())
         digest.update(arm.controller.stiffness.tobytes() + arm.controller.damping.tobytes())
+        if np.any(late := arm.controller.law.of_joints("velocity_lag", trial.joints)):
+            digest.update(np.round(late, 4).tobytes())
         if command.effort is not None and arm.controller.law.open_loop:
             digest.update(np.round(command.effort, 6).tobytes())
         digest.update(repr(sorted(arm.controller.stated.items())).encode())

@@ -238,7 +238,7 @@ def _start_backwards(
         -q_grad * amplitude * cosine / scale + v_grad * speed * amplitude * sine
     )
     back = np.argsort(tree.order)
-    return (q_grad / scale)[:, back], (v_grad / scale)[:, back], total
+    return (q_grad / scale)[:, back], (v_grad / scale + driven[..., S.DAMPED_V])[:, back], total
 
 
 def _scatter(weights: tuple[np.ndarray, np.ndarray], values: np.ndarray, samples: int) -> np.ndarray:

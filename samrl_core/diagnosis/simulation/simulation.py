@@ -91,7 +91,7 @@ class Simulation:
         a.gravity = wp.array(self.packed.gravity, dtype=Vec3, device=loop.device, requires_grad=full)
         a.slots = slots
         a.state, a.effort = self._zeros(slots, count, n, len(S)), self._zeros(slots, count, n)
-        a.measured_q, a.measured_v, a.held = (self._zeros(count, n) for _ in range(3))
+        a.measured_q, a.measured_v, a.damped_v, a.held = (self._zeros(count, n) for _ in range(4))
         a.hand, a.acceleration = self._zeros(count, n, len(H)), self._zeros(count, n)
         a.g_rotation, a.g_origin = self._zeros(count, n, dtype=Mat3), self._zeros(count, n, dtype=Vec3)
         a.g_mass, a.g_moment = self._zeros(count, n), self._zeros(count, n, dtype=Vec3)
@@ -140,6 +140,7 @@ class Simulation:
         state[:, mount:, S.Q] = np.where(link_read, q, q - wound)
         state[:, mount:, S.QM] = np.where(link_read, q + wound, q)
         state[:, mount:, S.V] = state[:, mount:, S.VM] = v
+        state[:, mount:, S.DAMPED_V] = v_read
         state[:, :, S.LINK_TORQUE] = gravity
         if mount:
             state[:, :mount, S.Q] = -gravity[:, :mount] / self.packed.params[:, :mount, P.JOINT_STIFFNESS]

@@ -80,6 +80,7 @@ class S(enum.IntEnum):
     HYSTERESIS = 12  # hysteretic deflection of the reading [rad]
     CABLE = 13  # share of the cable's friction in force, -1..1
     INTEGRAL = 14  # of the controller [N m]
+    DAMPED_V = 15  # velocity as the law read it in the step before
 
 
 class H(enum.IntEnum):
@@ -114,6 +115,7 @@ class L(enum.IntEnum):
     COMMAND_STEP = 5
     POLE_PITCH = 6
     BACK_EMF = 7
+    VELOCITY_LAG = 8
 
 
 class F(enum.IntFlag):
@@ -185,6 +187,7 @@ class Arrays:
     # one step
     measured_q: wp.array2d(dtype=f64)
     measured_v: wp.array2d(dtype=f64)
+    damped_v: wp.array2d(dtype=f64)  # the same as the law's low-pass reports it
     held: wp.array2d(dtype=f64)  # nominal gravity torque at the reading
     hand: wp.array3d(dtype=f64)
     acceleration: wp.array2d(dtype=f64)

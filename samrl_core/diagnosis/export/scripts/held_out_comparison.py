@@ -25,11 +25,13 @@ def impedance(held, gains, clock, period):
     damping = held["damping"] * gains["damping_scale"]
     blend = 1.0 - np.exp(-2 * np.pi * period * gains["command_cutoff"])
     filtered, filtered_speed = wanted[0].copy(), speed[0].copy()
+    reported, share = np.array(held["start_velocity"]), period / (period + held["velocity_lag"])
 
     def effort(k, q, v):
+        reported[:] += share * (v - reported)
         filtered[:] += blend * (wanted[k] - filtered)
         filtered_speed[:] += blend * (speed[k] - filtered_speed)
-        return stiffness * (filtered - q) + damping * (filtered_speed - v) + forward[k]
+        return stiffness * (filtered - q) + damping * (filtered_speed - reported) + forward[k]
 
     return effort
 

@@ -12,6 +12,7 @@ from samrl_core.diagnosis.simulation.kernels.kernel_slots import (
     L_POLE_PITCH,
     L_PUNCH,
     L_VELOCITY_INTEGRAL,
+    L_VELOCITY_LAG,
     L_VELOCITY_SHARE,
     ONE,
     P_COMMAND_DELAY,
@@ -24,6 +25,7 @@ from samrl_core.diagnosis.simulation.kernels.kernel_slots import (
     P_STIFFNESS_SCALE,
     QUANTISED,
     READ_LINK,
+    S_DAMPED_V,
     S_HYSTERESIS,
     S_INTEGRAL,
     S_Q,
@@ -47,13 +49,17 @@ def past(series: wp.array2d(dtype=f64), k: int, j: int, delay: f64):
 
 @wp.func
 def measure(a: Arrays, b: int, k: int):
-    """Reading of the encoders at step k into `measured_q` and `measured_v`."""
+    """Reading of the encoders at step k into `measured_q` and `measured_v`, and what the law damps of it.
+
+    Differences, low-passed, are late by the time constant: alpha = h / (h + lag) has just that delay.
+    """
     slot = k % a.slots
     for j in range(a.mount, a.joints):
         flags = a.flags[b, j]
         if a.logged == 1:
             a.measured_q[b, j] = a.log_q[k, j - a.mount]
             a.measured_v[b, j] = a.log_v[k, j - a.mount]
+            a.damped_v[b, j] = a.log_v[k, j - a.mount]
         else:
             q = a.state[slot, b, j, S_QM] + a.state[slot, b, j, S_HYSTERESIS]
             v = a.state[slot, b, j, S_VM]
@@ -72,6 +78,12 @@ def measure(a: Arrays, b: int, k: int):
                 q = resolution * wp.round(q / resolution)
             a.measured_q[b, j] = q
             a.measured_v[b, j] = v
+            reported = v
+            late = a.law[j - a.mount, L_VELOCITY_LAG]
+            if late > ZERO:
+                before = a.state[slot, b, j, S_DAMPED_V]
+                reported = before + (v - before) * a.step / (a.step + late)
+            a.damped_v[b, j] = reported
 
 
 @wp.func
@@ -91,7 +103,7 @@ def control(a: Arrays, b: int, k: int, j: int, command_q: f64, command_v: f64):
         if wp.abs(off) <= band:
             side = ZERO
         error = wp.abs(side) * off - side * band
-    lag = a.law[i, L_VELOCITY_SHARE] * command_v - a.measured_v[b, j]
+    lag = a.law[i, L_VELOCITY_SHARE] * command_v - a.damped_v[b, j]
     pull = a.stiffness[i] * error
     pitch = a.law[i, L_POLE_PITCH]
     if pitch > ZERO:

@@ -72,6 +72,7 @@ from samrl_core.diagnosis.simulation.kernels.kernel_slots import (
     S_CABLE,
     S_COMMAND_Q,
     S_COMMAND_V,
+    S_DAMPED_V,
     S_HYSTERESIS,
     S_INTEGRAL,
     S_LINK_TORQUE,
@@ -273,6 +274,7 @@ def update(a: Arrays, b: int, k: int):
             a.state[after, b, j, S_COMMAND_Q] = a.hand[b, j, H_COMMAND_Q]
             a.state[after, b, j, S_COMMAND_V] = a.hand[b, j, H_COMMAND_V]
             a.state[after, b, j, S_INTEGRAL] = a.hand[b, j, H_INTEGRAL]
+            a.state[after, b, j, S_DAMPED_V] = a.damped_v[b, j]
             a.state[after, b, j, S_RECEIVED] = a.hand[b, j, H_RECEIVED]
             a.state[after, b, j, S_SMOOTH] = a.hand[b, j, H_SMOOTH]
             a.state[after, b, j, S_RATE] = a.hand[b, j, H_RATE]

@@ -1,0 +1,85 @@
+"""Which velocity a law damps where the logged one is late: that one, or the positions' derivative.
+
+A drive may run its loop on what it reports, or on a faster reading that nobody logs. Both are known signals,
+so nothing is fitted for them: the law is read with each, and what it leaves of the recorded torque decides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from samrl_core.cell.types.arm_recording import ArmRecording
+from samrl_core.diagnosis.residuals.motion import RecordedMotion
+from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
+
+TINY = 1e-9  # of a torque's variation: no log of numbers tells less
+
+
+def with_law_velocity(recordings: Sequence[ArmRecording], lag_s: float) -> tuple[list[ArmRecording], str]:
+    """Recordings whose law damps what their torque says that it damps, and what was found.
+
+    Args:
+        recordings: of one arm, with filtered velocities.
+        lag_s: of the driver's filter [s], which the law gets where it damps the filtered velocity.
+    """
+    by_derivative = [replace(r, states=replace(r.states, filtered_velocity=None)) for r in recordings]
+    arm = recordings[0].arm
+    if arm.controller is None or not np.any(arm.controller.damping > 0):
+        return by_derivative, ""
+    rigid = None if arm.urdf is None else RigidArm(arm)
+    evidence = [
+        _log_likelihood(logged, rigid) - _log_likelihood(derived, rigid)
+        for logged, derived in zip(recordings, by_derivative, strict=True)
+        if _tells(logged)
+    ]
+    if not evidence:
+        return by_derivative, ""
+    if sum(evidence) <= 0.0:
+        return by_derivative, "; so does the law, which explains the recorded torque better so"
+    law = replace(arm.controller.law, velocity_lag=lag_s)
+    filtered = replace(arm, controller=replace(arm.controller, law=law))
+    return (
+        [replace(r, arm=filtered) for r in recordings],
+        "; the law damps the logged one, which explains the recorded torque better",
+    )
+
+
+def _tells(recording: ArmRecording) -> bool:
+    """Whether a law's torque was recorded beside its command."""
+    controller = recording.arm.controller
+    return (
+        controller is not None
+        and not controller.law.open_loop
+        and recording.command is not None
+        and recording.commanded_effort is not None
+    )
+
+
+def _log_likelihood(recording: ArmRecording, rigid: RigidArm | None) -> float:
+    """Of a recorded torque by the law, but for what a controller may do otherwise than described.
+
+    Other gains, an offset, a slow integral, a late command: their torque is taken off, so that none of them
+    passes for a filter. The noise of each joint is what is then left (profile likelihood).
+    """
+    motion = RecordedMotion(recording, rigid)
+    command, asked = motion.command, motion.asked
+    if command is None or command.position is None or asked is None:
+        return 0.0
+    law, limit, step = motion.described_law, motion.limit(), 1.0 / motion.rate
+    left = motion.reduce(motion.enabled * (np.clip(law.total, -limit, limit) - asked))
+    parts = (command.position, command.velocity, command.effort)
+    late = [None if part is None else motion.delayed(part, step) for part in parts]
+    delayed = motion.law_change(replace(command, position=late[0], velocity=late[1], effort=late[2]))
+    otherwise = [motion.reduce(x) for x in (law.spring, law.damper, delayed)]
+    slow = np.linspace(-1.0, 1.0, len(left))
+    total = 0.0
+    for j in range(motion.joints):
+        columns = np.stack([np.ones_like(slow), slow, *(x[:, j] for x in otherwise)], axis=1)
+        columns = columns / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
+        rest = left[:, j] - columns @ np.linalg.lstsq(columns, left[:, j], rcond=1e-9)[0]
+        least = TINY * max(float(np.std(asked[:, j])), TINY)
+        total -= 0.5 * len(rest) * float(np.log(np.mean(rest**2) + least**2))
+    return total

@@ -1,21 +1,23 @@
 """Which velocity a law damps where the logged one is late: that one, or the positions' derivative.
 
 A drive may run its loop on what it reports, or on a faster reading that nobody logs. Both are known signals,
-so nothing is fitted for them: the law is read with each, and what it leaves of the recorded torque decides.
+so nothing is fitted for them: the law is read with each, and what it leaves of the recorded torque decides,
+or of the torque that the motion takes where none was recorded.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from samrl_core.cell.types.arm_recording import ArmRecording
+from samrl_core.diagnosis.residuals.equations import form_equations
 from samrl_core.diagnosis.residuals.motion import RecordedMotion
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
-TINY = 1e-9  # of a torque's variation: no log of numbers tells less
+TINY = 1e-9  # of a spring's torque: no log of numbers tells less
 
 
 def with_law_velocity(recordings: Sequence[ArmRecording], lag_s: float) -> tuple[list[ArmRecording], str]:
@@ -30,46 +32,51 @@ def with_law_velocity(recordings: Sequence[ArmRecording], lag_s: float) -> tuple
     if arm.controller is None or not np.any(arm.controller.damping > 0):
         return by_derivative, ""
     rigid = None if arm.urdf is None else RigidArm(arm)
-    evidence = [
-        _log_likelihood(logged, rigid) - _log_likelihood(derived, rigid)
+    pairs = [
+        (_explained(logged, rigid), _explained(derived, rigid))
         for logged, derived in zip(recordings, by_derivative, strict=True)
-        if _tells(logged)
     ]
-    if not evidence:
+    found = [a.log_likelihood - b.log_likelihood for a, b in pairs if a is not None and b is not None]
+    if not found:
         return by_derivative, ""
-    if sum(evidence) <= 0.0:
-        return by_derivative, "; so does the law, which explains the recorded torque better so"
+    what = next(a.what for a, _ in pairs if a is not None)
+    if sum(found) <= 0.0:
+        return by_derivative, f"; so does the law, which explains the {what} better so"
     law = replace(arm.controller.law, velocity_lag=lag_s)
     filtered = replace(arm, controller=replace(arm.controller, law=law))
     return (
         [replace(r, arm=filtered) for r in recordings],
-        "; the law damps the logged one, which explains the recorded torque better",
+        f"; the law damps the logged one, which explains the {what} better",
     )
 
 
-def _tells(recording: ArmRecording) -> bool:
-    """Whether a law's torque was recorded beside its command."""
-    controller = recording.arm.controller
-    return (
-        controller is not None
-        and not controller.law.open_loop
-        and recording.command is not None
-        and recording.commanded_effort is not None
-    )
+@dataclass(frozen=True)
+class _Explained:
+    """How well a law explains a recording."""
+
+    log_likelihood: float
+    what: str  # of it is explained
 
 
-def _log_likelihood(recording: ArmRecording, rigid: RigidArm | None) -> float:
-    """Of a recorded torque by the law, but for what a controller may do otherwise than described.
+def _explained(recording: ArmRecording, rigid: RigidArm | None) -> _Explained | None:
+    """What a law makes of a recorded torque, or of the torque that the motion takes; None without either.
 
     Other gains, an offset, a slow integral, a late command: their torque is taken off, so that none of them
     passes for a filter. The noise of each joint is what is then left (profile likelihood).
     """
     motion = RecordedMotion(recording, rigid)
-    command, asked = motion.command, motion.asked
-    if command is None or command.position is None or asked is None:
-        return 0.0
-    law, limit, step = motion.described_law, motion.limit(), 1.0 / motion.rate
-    left = motion.reduce(motion.enabled * (np.clip(law.total, -limit, limit) - asked))
+    command, controller = motion.command, motion.controller
+    if command is None or command.position is None or controller is None or controller.law.open_loop:
+        return None
+    if motion.computed:
+        left, what = form_equations(motion).residual["dynamics"], "motion"
+    elif motion.asked is not None:
+        limit = motion.limit()
+        off = np.clip(motion.described_law.total, -limit, limit) - motion.asked
+        left, what = motion.reduce(motion.enabled * off), "recorded torque"
+    else:
+        return None
+    law, step = motion.described_law, 1.0 / motion.rate
     parts = (command.position, command.velocity, command.effort)
     late = [None if part is None else motion.delayed(part, step) for part in parts]
     delayed = motion.law_change(replace(command, position=late[0], velocity=late[1], effort=late[2]))
@@ -80,6 +87,6 @@ def _log_likelihood(recording: ArmRecording, rigid: RigidArm | None) -> float:
         columns = np.stack([np.ones_like(slow), slow, *(x[:, j] for x in otherwise)], axis=1)
         columns = columns / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
         rest = left[:, j] - columns @ np.linalg.lstsq(columns, left[:, j], rcond=1e-9)[0]
-        least = TINY * max(float(np.std(asked[:, j])), TINY)
+        least = TINY * max(float(np.std(otherwise[0][:, j])), TINY)
         total -= 0.5 * len(rest) * float(np.log(np.mean(rest**2) + least**2))
-    return total
+    return _Explained(total, what)

@@ -12,6 +12,7 @@ import pytest
 from samrl_core.cell.types.arm_description import ArmController
 from samrl_core.cell.types.arm_recording import JointSignal
 from samrl_core.cell.types.controllers import controller_from
+from samrl_core.cell.types.drive_law import DriveLaw
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.simulation.closed_loop import ClosedLoop, Rollouts
 from samrl_core.diagnosis.simulation.gradients import Gradient, gradient
@@ -223,6 +224,15 @@ def test_gradient_of_a_servo_on_a_voltage() -> None:
         }
     )  # fmt: skip
     plant = PlantParameters(dead_band=3e-4, back_emf=0.4, viscous=0.5, actuator_gain=0.05)
+    _check_all(_problem("slide", plant, servo, substeps=2))
+
+
+def test_gradient_of_a_law_that_damps_a_late_velocity() -> None:
+    """A driver's low-pass between reading and law, also where an encoder's error scales the reading."""
+    (joint,) = ARMS["slide"][0].joints
+    law = DriveLaw(velocity_lag=0.0025)
+    servo = ArmController((joint,), np.array([3000.0]), np.array([150.0]), 0.001, law=law)
+    plant = PlantParameters(encoder_amplitude=0.002, encoder_phase=0.3, damping_scale=0.9, viscous=0.5)
     _check_all(_problem("slide", plant, servo, substeps=2))
 
 

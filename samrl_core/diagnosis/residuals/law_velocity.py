@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from samrl_core.cell.types.arm_description import ArmDescription
 from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.diagnosis.residuals.equations import form_equations
 from samrl_core.diagnosis.residuals.motion import RecordedMotion
@@ -28,26 +29,24 @@ def with_law_velocity(recordings: Sequence[ArmRecording], lag_s: float) -> tuple
         lag_s: of the driver's filter [s], which the law gets where it damps the filtered velocity.
     """
     by_derivative = [replace(r, states=replace(r.states, filtered_velocity=None)) for r in recordings]
-    arm = recordings[0].arm
-    if arm.controller is None or not np.any(arm.controller.damping > 0):
-        return by_derivative, ""
-    rigid = None if arm.urdf is None else RigidArm(arm)
     pairs = [
-        (_explained(logged, rigid), _explained(derived, rigid))
+        (_explained(logged), _explained(derived))
         for logged, derived in zip(recordings, by_derivative, strict=True)
     ]
-    found = [a.log_likelihood - b.log_likelihood for a, b in pairs if a is not None and b is not None]
-    if not found:
+    evidence = [a.log_likelihood - b.log_likelihood for a, b in pairs if a is not None and b is not None]
+    if not evidence:
         return by_derivative, ""
     what = next(a.what for a, _ in pairs if a is not None)
-    if sum(found) <= 0.0:
+    if sum(evidence) <= 0.0:
         return by_derivative, f"; so does the law, which explains the {what} better so"
+    found = [replace(r, arm=_damping_late(r.arm, lag_s)) for r in recordings]
+    return found, f"; the law damps the logged one, which explains the {what} better"
+
+
+def _damping_late(arm: ArmDescription, lag_s: float) -> ArmDescription:
+    assert arm.controller is not None
     law = replace(arm.controller.law, velocity_lag=lag_s)
-    filtered = replace(arm, controller=replace(arm.controller, law=law))
-    return (
-        [replace(r, arm=filtered) for r in recordings],
-        f"; the law damps the logged one, which explains the {what} better",
-    )
+    return replace(arm, controller=replace(arm.controller, law=law))
 
 
 @dataclass(frozen=True)
@@ -58,15 +57,19 @@ class _Explained:
     what: str  # of it is explained
 
 
-def _explained(recording: ArmRecording, rigid: RigidArm | None) -> _Explained | None:
+def _explained(recording: ArmRecording) -> _Explained | None:
     """What a law makes of a recorded torque, or of the torque that the motion takes; None without either.
 
     Other gains, an offset, a slow integral, a late command: their torque is taken off, so that none of them
     passes for a filter. The noise of each joint is what is then left (profile likelihood).
     """
+    controller = recording.arm.controller
+    if controller is None or controller.law.open_loop or not np.any(controller.damping > 0):
+        return None
+    rigid = None if recording.arm.urdf is None else RigidArm(recording.arm)
     motion = RecordedMotion(recording, rigid)
-    command, controller = motion.command, motion.controller
-    if command is None or command.position is None or controller is None or controller.law.open_loop:
+    command = motion.command
+    if command is None or command.position is None:
         return None
     if motion.computed:
         left, what = form_equations(motion).residual["dynamics"], "motion"

@@ -231,7 +231,9 @@ def test_gradient_of_a_law_that_damps_a_late_velocity() -> None:
     """A driver's low-pass between reading and law, also where an encoder's error scales the reading."""
     (joint,) = ARMS["slide"][0].joints
     law = DriveLaw(velocity_lag=0.0025)
-    servo = ArmController((joint,), np.array([3000.0]), np.array([150.0]), 0.001, law=law)
+    servo = ArmController(
+        (joint,), np.array([3000.0]), np.array([150.0]), 0.001, armature=np.array([0.3]), law=law
+    )
     plant = PlantParameters(encoder_amplitude=0.002, encoder_phase=0.3, damping_scale=0.9, viscous=0.5)
     _check_all(_problem("slide", plant, servo, substeps=2))
 

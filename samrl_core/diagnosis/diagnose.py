@@ -22,9 +22,20 @@ from samrl_core.diagnosis.kinds.kinds import KINDS, kind_of
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.trial import as_arms
-from samrl_core.diagnosis.result import Diagnosis, InputFile, LeastSize
+from samrl_core.diagnosis.result import (
+    Curve,
+    Diagnosis,
+    Heatmap,
+    InputFile,
+    LeastSize,
+    NamedEffect,
+    NextExperiment,
+    TileGaps,
+    Timeline,
+    WhereItem,
+)
 from samrl_core.diagnosis.selection.description import Misdescription
-from samrl_core.diagnosis.selection.hypothesis import Evidence
+from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
 from samrl_core.diagnosis.selection.selection import Selection, SelectionSettings, select
 from samrl_core.diagnosis.verdict import rules
 from samrl_core.diagnosis.verdict.how_far import HowFar
@@ -32,6 +43,7 @@ from samrl_core.diagnosis.verdict.judge import judge_sets
 from samrl_core.diagnosis.verdict.least_sizes import least_sizes
 
 Progress = Callable[[str], None]
+NAMING = ("effect", "ambiguous")  # verdicts that name effects
 
 
 @dataclass(frozen=True)
@@ -222,70 +234,49 @@ def _conclude(
     case: _Case, selection: Selection, likelihood: Likelihood, held: Likelihood, watch: _Stopwatch
 ) -> tuple[Diagnosis, HowFar]:
     """Everything that follows from the selection."""
-    kind, settings, k = case.kind, case.settings, selection.correlation_time
-    evidence, z = Evidence(likelihood, k), likelihood.whitened()
+    kind, settings = case.kind, case.settings
+    evidence = Evidence(likelihood, selection.correlation_time)
     judged = judge_sets(
         likelihood, held, selection, settings.verdict, settings.simulate, settings.seed, case.progress,
         kind.doubts_of(likelihood, held),
     )  # fmt: skip
     watch.done("how sure and how far")
-    selection, outcome, far = judged.selection, judged.outcome, judged.far
-    named, runner_ups, alarms = judged.named, judged.runner_ups, judged.alarms
+    selection, outcome, named, far = judged.selection, judged.outcome, judged.named, judged.far
     chosen = selection.chosen
-    rivals = selection.rivals if chosen is not None else ()
     rest = evidence.remainder(chosen) if chosen is not None else likelihood.y
-    does = None if chosen is None else likelihood.y - rest
-    onsets: list[float | None] = [None] * len(likelihood.trials)
-    # When a law began that is not what happens, nobody can say.
-    if chosen is not None and outcome.verdict in ("effect", "ambiguous"):
-        onsets = find_onsets(likelihood, chosen, k)
-    began = {} if chosen is None else began_in(chosen, onsets)
-    grid, items = heatmap(likelihood, z, k, does, began)
-    if named and not items:
-        outcome, onsets = rules.hidden_in_noise(named[0]), [None] * len(onsets)
-    shown = {e.name for e in named} if outcome.verdict in ("effect", "ambiguous") else set()
-    unnamed = [name for name in settings.track if name not in shown]
-    ambiguity: tuple[tuple[str, ...], ...] = ()
-    experiment = None
-    if outcome.verdict == "ambiguous" and chosen is not None and named:
-        group = tuple(dict.fromkeys([named[0].name, *outcome.tied]))
-        ambiguity = (group,)
-        experiment, why_none = kind.next_experiment(likelihood, [chosen, *rivals], group, settings.seed)
-        outcome = replace(outcome, reasons=(*outcome.reasons, why_none)) if why_none else outcome
-    curves = (
-        () if chosen is None else (kind.curve(evidence, chosen, i) for i in range(len(chosen.hypotheses)))
-    )
-    signs = signatures(likelihood, rest) if outcome.verdict == "none_of_mine" else ()
+    place = _find_place(evidence, chosen, rest, outcome.verdict in NAMING)
+    if named and not place.items:
+        outcome, place = rules.hidden_in_noise(named[0]), place.without_onsets()
+    outcome, ambiguity, experiment = _find_experiment(case, likelihood, selection, named, outcome)
+    effects = named if outcome.verdict in NAMING else ()
     diagnosis = replace(
         case.unjudged(),
         verdict=outcome.verdict,
         reasons=outcome.reasons,
-        where=items if outcome.verdict != "no_gap" else (),
-        effects=named if outcome.verdict in ("effect", "ambiguous") else (),
-        runner_ups=runner_ups,
+        where=place.items if outcome.verdict != "no_gap" else (),
+        effects=effects,
+        runner_ups=judged.runner_ups,
         nearest=named[0] if named and outcome.verdict == "none_of_mine" else None,
         ambiguity_set=ambiguity,
         next_experiment=experiment,
         gap=far.gap,
         unexplained_fraction=selection.unexplained if chosen is not None else outcome.unexplained,
-        alarms=tuple(alarms),
-        signatures=signs,
+        alarms=judged.alarms,
+        signatures=signatures(likelihood, rest) if outcome.verdict == "none_of_mine" else (),
         couplings=couplings(likelihood, rest),
-        heatmap=grid,
-        tiles=tile_gaps(likelihood, z, k, does),
+        heatmap=place.grid,
+        tiles=place.tiles,
+        timelines=place.timelines(likelihood),
         information={} if chosen is None else kind.information(likelihood, chosen),
         least_sizes=_least_sizes(evidence, selection, outcome, settings.verdict),
-        timelines=timelines(likelihood, z, k, onsets, does),
-        curves=tuple(c for c in curves if c is not None),
-        tracked=track(evidence, chosen, unnamed, np.random.default_rng(settings.seed), kind.effects)
-        if unnamed
-        else (),
+        curves=() if chosen is None else _curves(kind, evidence, chosen),
+        tracked=_track_unnamed(case, evidence, chosen, effects),
         overlays=far.overlays,
         timings=watch.timings,
         settings={
             "library": sorted({e.family for e in case.effects}),
             "threshold": selection.threshold,
-            "correlation_time_samples": k,
+            "correlation_time_samples": evidence.correlation_time,
             "gain_of_perfect_model_nat": selection.excess,
             "gain_of_perfect_model_held_out_nat": selection.held_out_excess,
             "held_out_unexplained_fraction": selection.held_out_unexplained,
@@ -297,6 +288,77 @@ def _conclude(
         far = replace(far, correction=kind.correction(evidence, chosen, far, sure, rng))
     watch.done("report")
     return kind.finish(diagnosis, likelihood.trials[0]), far
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """Where recordings stand out, and since when: what findings say of one set."""
+
+    z: np.ndarray  # (N,) whitened residuals
+    does: np.ndarray | None  # (N,) of them what the named effects do
+    correlation: float  # samples that count as one
+    onsets: Sequence[float | None]  # per recording [s]
+    grid: Heatmap
+    items: tuple[WhereItem, ...]
+    tiles: tuple[TileGaps, ...]
+
+    def without_onsets(self) -> _Place:
+        """The same of effects that are not there."""
+        return replace(self, onsets=[None] * len(self.onsets))
+
+    def timelines(self, likelihood: Likelihood) -> tuple[Timeline, ...]:
+        """How much stands out over time."""
+        return timelines(likelihood, self.z, self.correlation, self.onsets, self.does)
+
+
+def _find_place(evidence: Evidence, chosen: Fit | None, rest: np.ndarray, is_named: bool) -> _Place:
+    """`rest` (N,) is what the chosen set leaves; `is_named` whether the verdict names it."""
+    likelihood, k = evidence.likelihood, evidence.correlation_time
+    z = likelihood.whitened()
+    does = None if chosen is None else likelihood.y - rest
+    onsets: list[float | None] = [None] * len(likelihood.trials)
+    # When a law began that is not what happens, nobody can say.
+    if chosen is not None and is_named:
+        onsets = find_onsets(likelihood, chosen, k)
+    began = {} if chosen is None else began_in(chosen, onsets)
+    grid, items = heatmap(likelihood, z, k, does, began)
+    return _Place(z, does, k, onsets, grid, items, tile_gaps(likelihood, z, k, does))
+
+
+def _find_experiment(
+    case: _Case,
+    likelihood: Likelihood,
+    selection: Selection,
+    named: Sequence[NamedEffect],
+    outcome: rules.Decision,
+) -> tuple[rules.Decision, tuple[tuple[str, ...], ...], NextExperiment | None]:
+    """The verdict, with why nothing splits its ambiguity set where nothing does; that set; what splits it."""
+    if outcome.verdict != "ambiguous" or selection.chosen is None or not named:
+        return outcome, (), None
+    group = tuple(dict.fromkeys([named[0].name, *outcome.tied]))
+    experiment, why_none = case.kind.next_experiment(
+        likelihood, [selection.chosen, *selection.rivals], group, case.settings.seed
+    )
+    if why_none:
+        outcome = replace(outcome, reasons=(*outcome.reasons, why_none))
+    return outcome, (group,), experiment
+
+
+def _curves(kind: Kind[Any], evidence: Evidence, chosen: Fit) -> tuple[Curve, ...]:
+    """Each chosen effect over the data, where its kind shows one."""
+    drawn = (kind.curve(evidence, chosen, index) for index in range(len(chosen.hypotheses)))
+    return tuple(curve for curve in drawn if curve is not None)
+
+
+def _track_unnamed(
+    case: _Case, evidence: Evidence, chosen: Fit | None, effects: Sequence[NamedEffect]
+) -> tuple[NamedEffect, ...]:
+    """Sizes of the effects whose size is asked for and that the report does not name."""
+    shown = {e.name for e in effects}
+    unnamed = [name for name in case.settings.track if name not in shown]
+    if not unnamed:
+        return ()
+    return track(evidence, chosen, unnamed, np.random.default_rng(case.settings.seed), case.kind.effects)
 
 
 def _least_sizes(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -114,11 +113,8 @@ class Arms(Kind[ArmRecording]):
     def system(self, trial: Observed) -> str:
         return as_arms([trial])[0].recording.arm.role
 
-    def halves(self, recording: ArmRecording) -> tuple[ArmRecording, ArmRecording]:
-        first, last = split(recording, 0.5)
-        return replace(first, name=f"{recording.name}, first half"), replace(
-            last, name=f"{recording.name}, second half"
-        )
+    def cut(self, recording: ArmRecording) -> tuple[ArmRecording, ArmRecording]:
+        return split(recording, 0.5)
 
     def next_experiment(
         self, likelihood: Likelihood, fits: Sequence[Fit], names: Sequence[str], seed: int

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 import numpy as np
@@ -21,7 +22,9 @@ from samrl_core.diagnosis.verdict.judge import Doubts
 
 
 class Recording(Protocol):
-    """What the report tells of any recording."""
+    """What the report tells of any recording, which is a dataclass."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
 
     @property
     def name(self) -> str: ...
@@ -43,6 +46,7 @@ class Kind(ABC, Generic[R]):
     elsewhere: ClassVar[dict[str, str]]  # families of such a system that these recordings never show, and why
     shown_by: str  # what is recorded, as it is spoken
     nothing: str  # why recordings without any channel cannot be used
+    half_names: ClassVar[tuple[str, str]] = ("first half", "second half")
     chance: ClassVar[float] = 0.0  # of a false name, as in `SelectionSettings`; 0 unless noise is calibrated
 
     @abstractmethod
@@ -66,8 +70,14 @@ class Kind(ABC, Generic[R]):
         """Name of the diagnosed system, as the report shows it: an arm's role, a camera."""
 
     @abstractmethod
+    def cut(self, recording: R) -> tuple[R, R]:
+        """Two parts of about the same size, which `half_names` tells apart. Raises `InputError`."""
+
     def halves(self, recording: R) -> tuple[R, R]:
-        """First and second half, as recordings of their own. Raises `InputError`."""
+        """Both parts of a recording, each with a name of its own. Raises `InputError`."""
+        (one, other), (a, b) = self.cut(recording), self.half_names
+        name = recording.name
+        return replace(one, name=f"{name}, {a}"), replace(other, name=f"{name}, {b}")
 
     @abstractmethod
     def next_experiment(

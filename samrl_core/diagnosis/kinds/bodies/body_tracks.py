@@ -37,6 +37,7 @@ class BodyTracks(Kind[BodyRecording]):
     }
     shown_by = "tracks of free bodies"
     nothing = "no part of the recordings is a flight, or a slide on the stated support"
+    half_names = ("every other pose", "the poses between")
 
     def alike(self, recordings: Sequence[BodyRecording]) -> tuple[list[BodyRecording], list[str]]:
         first = recordings[0]
@@ -85,11 +86,8 @@ class BodyTracks(Kind[BodyRecording]):
         assert isinstance(trial, BodyTrial)
         return trial.recording.body.name
 
-    def halves(self, recording: BodyRecording) -> tuple[BodyRecording, BodyRecording]:
-        first, last = split_body(recording, 2)
-        return replace(first, name=f"{recording.name}, every other pose"), replace(
-            last, name=f"{recording.name}, the poses between"
-        )
+    def cut(self, recording: BodyRecording) -> tuple[BodyRecording, BodyRecording]:
+        return split_body(recording, 2)
 
     def next_experiment(
         self, likelihood: Likelihood, fits: Sequence[Fit], names: Sequence[str], seed: int

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -95,11 +94,8 @@ class Images(Kind[ImageRecording]):
         assert isinstance(trial, ImageTrial)
         return trial.recording.camera
 
-    def halves(self, recording: ImageRecording) -> tuple[ImageRecording, ImageRecording]:
-        first, last = split_images(recording, 0.5)
-        return replace(first, name=f"{recording.name}, first half"), replace(
-            last, name=f"{recording.name}, second half"
-        )
+    def cut(self, recording: ImageRecording) -> tuple[ImageRecording, ImageRecording]:
+        return split_images(recording, 0.5)
 
     def doubts(self, evidence: Evidence, chosen: Fit | None, least: float) -> list[str]:
         return image_suspicions(evidence, chosen, least)

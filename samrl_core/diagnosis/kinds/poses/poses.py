@@ -99,11 +99,8 @@ class Poses(Kind[PoseRecording]):
         assert isinstance(trial, PoseTrial)
         return trial.recording.camera
 
-    def halves(self, recording: PoseRecording) -> tuple[PoseRecording, PoseRecording]:
-        first, last = split_poses(recording, 0.5, 0.0)
-        return replace(first, name=f"{recording.name}, first half"), replace(
-            last, name=f"{recording.name}, second half"
-        )
+    def cut(self, recording: PoseRecording) -> tuple[PoseRecording, PoseRecording]:
+        return split_poses(recording, 0.5, 0.0)
 
     def doubts(self, evidence: Evidence, chosen: Fit | None, least: float) -> list[str]:
         if chosen is not None:

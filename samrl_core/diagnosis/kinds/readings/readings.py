@@ -79,11 +79,8 @@ class Readings(Kind[ReadingRecording]):
         assert isinstance(trial, ReadingTrial)
         return trial.recording.sensor
 
-    def halves(self, recording: ReadingRecording) -> tuple[ReadingRecording, ReadingRecording]:
-        first, last = split_readings(recording, 0.5)
-        return replace(first, name=f"{recording.name}, first half"), replace(
-            last, name=f"{recording.name}, second half"
-        )
+    def cut(self, recording: ReadingRecording) -> tuple[ReadingRecording, ReadingRecording]:
+        return split_readings(recording, 0.5)
 
     def correction(
         self, evidence: Evidence, chosen: Fit, far: HowFar, sure: bool, rng: np.random.Generator

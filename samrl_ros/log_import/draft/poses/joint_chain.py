@@ -14,15 +14,8 @@ import numpy as np
 from samrl_core.common.errors import InputError
 from samrl_ros.log_import.draft.column_names import CAMERAS
 from samrl_ros.log_import.draft.guess import Draft
-from samrl_ros.log_import.draft.poses.pose_draft import (
-    CLEARLY,
-    CLOSES_M,
-    MOST_VIEWS,
-    closing,
-    read_described,
-    side_of,
-    state,
-)
+from samrl_ros.log_import.draft.poses.descriptions import CLEARLY, closing, read_described
+from samrl_ros.log_import.draft.poses.pose_draft import CLOSES_M, MOST_VIEWS, side_of, state
 from samrl_ros.log_import.draft.tracks.logged_tracks import LoggedTrack, read_logged_tables
 from samrl_ros.log_import.draft.tracks.track_entries import (
     add_track_entry,

@@ -9,19 +9,24 @@ user is asked.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from samrl_core.cell.types.pose_recording import PoseRecording
 from samrl_core.common.errors import InputError
-from samrl_core.diagnosis.residuals.poses.seen_size import best_size
-from samrl_core.diagnosis.residuals.poses.solve import closing_error
+from samrl_core.diagnosis.residuals.poses.seen_size import SeenSize, best_size
 from samrl_ros.log_import.draft.column_names import BASES, CAMERAS, CARRIED, SEEN, words_in
 from samrl_ros.log_import.draft.guess import Draft
-from samrl_ros.log_import.draft.poses.pose_turns import LEAST_TURN, second_turn, turns_apart
+from samrl_ros.log_import.draft.poses.descriptions import (
+    CLEARLY,
+    Description,
+    close_descriptions,
+    is_base_in_flange,
+    is_inverse,
+    list_descriptions,
+)
+from samrl_ros.log_import.draft.poses.pose_turns import LEAST_TURN, second_turn
 from samrl_ros.log_import.draft.tracks.angle_names import are_makers_letters
 from samrl_ros.log_import.draft.tracks.logged_tracks import LoggedTrack
 from samrl_ros.log_import.draft.tracks.pose_runs import PoseRuns, find_pose_runs
@@ -33,20 +38,16 @@ from samrl_ros.log_import.draft.tracks.track_entries import (
     every_nth,
     find_time,
     length_unit,
-    rotation_readings,
     source_data,
     track_numbers,
 )
 from samrl_ros.log_import.draft.tracks.transform_chains import FoundChains
 from samrl_ros.log_import.formats.views import STAR, is_of_views
-from samrl_ros.log_import.pose_importer import SLOW_HZ, import_poses
-from samrl_ros.log_import.pose_specs import PoseRecordingSpec
+from samrl_ros.log_import.pose_importer import SLOW_HZ
 from samrl_ros.log_import.sources import SourceData
 
-CLEARLY = 4.0  # times better than the next description: that is proof
 NOTHING_M = 1e-4  # that two descriptions must differ by at least: poses that stand still close any chain
 LONGEST_REST_S = 600.0  # from one pair of poses at rest to the next
-TURN = 0.02  # [rad] by which turns of target and flange may differ in any case
 CLOSES_M = 0.05  # beyond it no description fits
 MOST_SIZED = 4  # descriptions, of which a size of the target is tried
 MOST_VIEWS = 300  # by which descriptions are compared
@@ -237,69 +238,55 @@ def _describe(
     chains: FoundChains | None,
 ) -> None:
     """Who carries the camera and what the log leaves open, by which description closes the chain."""
-    arms = ("camera_arm", "tool_arm")
-    readings = rotation_readings(seen, entries["seen"]), rotation_readings(carried, entries["carried"])
-    open_ = [len(each) > 1 for each in readings]
-    likely: list[tuple[float, PoseRecording, dict[str, Any], str]] = []
-    for arm, first, second in product(arms, *readings):
-        poses: dict[str, Any] = {"target_in_camera": dict(first[0]), arm: {"flange": dict(second[0])}}
-        if _is_inverse(seen):
-            poses["target_in_camera"]["inverse"] = True
-        if _is_base_in_flange(carried):
-            poses[arm]["flange"]["inverse"] = True
-        if at_rest:
-            poses["at_rest"] = True
-        said = "the arm carries the camera" if arm == "camera_arm" else "the camera stands still"
-        tried = [words for (_, words), is_open in zip((first, second), open_, strict=True) if is_open]
-        said += "".join(f", {words}" for words in dict.fromkeys(tried))
-        if (recording := read_described(poses, cache, draft)) is not None:
-            likely.append((turns_apart(recording), recording, poses, said))
-    most = CLEARLY * min((one[0] for one in likely), default=0.0) + TURN
-    found: list[tuple[float, dict[str, Any], str, PoseRecording]] = []
-    for apart, recording, poses, said in likely:
-        if apart <= most and (left := closing(recording)) is not None:
-            found.append((left, poses, said, recording))
+    found = close_descriptions(list_descriptions(seen, carried, entries, at_rest, cache, draft))
     if not found:
         raise InputError(
             f"{seen.name} and {carried.name} are no poses of one target and one flange that can be compared;"
             " write the mapping by hand"
         )
-    found.sort(key=lambda one: one[0])
-    arm = chains.arm if chains is not None else ""
-    told = [one for one in found if arm in one[1]] if arm else []
-    against = told and told[0][0] > CLEARLY * found[0][0] + NOTHING_M
-    size, sized = best_size([(one[3], one[0]) for one in (told or found)[:MOST_SIZED]])
-    left, poses, said, recording = (told or found)[sized]
-    arm = next(key for key in arms if key in poses)
-    reason = f"{said}: the chain then closes to {1e3 * left:.1f} mm"
+    told = [one for one in found if chains is not None and one.arm == chains.arm]
+    sized = (told or found)[:MOST_SIZED]
+    size, number = best_size([(one.recording, one.closes_m) for one in sized])
+    chosen = sized[number]
+    reason = f"{chosen.says}: the chain then closes to {1e3 * chosen.closes_m:.1f} mm"
     if told:
         reason = f"the frames say that {reason}"
-    elif len(found) > 1 and not sized:
-        reason += f", to {1e3 * found[1][0]:.0f} mm if {found[1][2]}"
-    draft.poses, draft.closes_m = poses, left
+    elif len(found) > 1 and number == 0:
+        reason += f", to {1e3 * found[1].closes_m:.0f} mm if {found[1].says}"
     if size is not None:
-        closes = f"to {1e3 * size.closes_m:.1f} mm"
-        reason += f", {closes} if all that is seen is {size.factor:.2f} times as far away"
-        question = (
-            f"which size was the detector told? {size.factor:.2f} times that size closes the chain"
-            f" {closes}: correct the poses that it gave, or the unit of the arm's"
+        reason += (
+            f", to {1e3 * size.closes_m:.1f} mm if all that is seen is {size.factor:.2f} times as far away"
         )
-    elif left > CLOSES_M:
-        question = "no description closes the chain; are these one target and one flange, in these units?"
-    elif against:
-        question = f"it closes to {1e3 * found[0][0]:.1f} mm if {found[0][2]}; which of them is it?"
-    elif not told and len(found) > 1 and found[1][0] < CLEARLY * left + NOTHING_M:
-        question = f"is it so, and not that {found[1][2]}?"
-    else:
-        question = _asked_of_frames(seen, carried, arm)
-    draft.note(f"poses.{arm}", reason, question)
-    state(arm, chains, draft)
+    draft.poses, draft.closes_m = chosen.poses, chosen.closes_m
+    question = _asked_of_chain(chosen, found, bool(told), size) or _asked_of_frames(seen, carried, chosen.arm)
+    draft.note(f"poses.{chosen.arm}", reason, question)
+    state(chosen.arm, chains, draft)
     stated = {"camera_in_flange", "camera_in_base"} & set(draft.poses)
-    if not stated and (turn := second_turn(recording)) < LEAST_TURN:
+    if not stated and (turn := second_turn(chosen.recording)) < LEAST_TURN:
         draft.note(
             "poses", f"the flange turns by no more than {np.degrees(turn):.2f} degrees about a second axis",
             "without turns about two axes it does not show where the camera sits: record some, or state it?",
         )  # fmt: skip
+
+
+def _asked_of_chain(
+    chosen: Description, found: Sequence[Description], is_told: bool, size: SeenSize | None
+) -> str:
+    """What the chain leaves open of the chosen description; `is_told` where a bag's frames chose it."""
+    if size is not None:
+        return (
+            f"which size was the detector told? {size.factor:.2f} times that size closes the chain"
+            f" to {1e3 * size.closes_m:.1f} mm: correct the poses that it gave, or the unit of the arm's"
+        )
+    if chosen.closes_m > CLOSES_M:
+        return "no description closes the chain; are these one target and one flange, in these units?"
+    if is_told:
+        best = found[0]
+        if chosen.closes_m > CLEARLY * best.closes_m + NOTHING_M:
+            return f"it closes to {1e3 * best.closes_m:.1f} mm if {best.says}; which of them is it?"
+    elif len(found) > 1 and found[1].closes_m < CLEARLY * chosen.closes_m + NOTHING_M:
+        return f"is it so, and not that {found[1].says}?"
+    return ""
 
 
 def state(arm: str, chains: FoundChains | None, draft: Draft) -> None:
@@ -327,11 +314,11 @@ def _asked_of_frames(seen: LoggedTrack, carried: LoggedTrack, arm: str) -> str:
     """What only names say: that no track is given the other way round."""
     if seen.frames and carried.frames:
         (child, parent), (flange, base) = seen.frames, carried.frames
-        told = seen.of_frames or _is_inverse(seen) or (parent & CAMERAS and not child & CAMERAS)
+        told = seen.of_frames or is_inverse(seen) or (parent & CAMERAS and not child & CAMERAS)
         if told and (carried.of_frames or (base & BASES and not flange & BASES)):
             return ""
     other = "stands still" if arm == "camera_arm" else "rides on the arm"
-    turned = {seen.name: _is_inverse(seen), carried.name: _is_base_in_flange(carried)}
+    turned = {seen.name: is_inverse(seen), carried.name: is_base_in_flange(carried)}
     names = " and ".join(name for name, is_turned in turned.items() if is_turned)
     if names:
         return (
@@ -342,36 +329,6 @@ def _asked_of_frames(seen: LoggedTrack, carried: LoggedTrack, arm: str) -> str:
         "are these the target in the camera and the flange in its base? If either is given the other way"
         f" round (set `inverse: true`), the camera {other}"
     )
-
-
-def _is_inverse(seen: LoggedTrack) -> bool:
-    """Whether names say that these are the camera's poses in what it sees."""
-    child, parent = seen.likely_frames or (frozenset(), frozenset())
-    return bool(child & CAMERAS and parent) and not parent & CAMERAS and not seen.of_frames
-
-
-def _is_base_in_flange(carried: LoggedTrack) -> bool:
-    """Whether names say that these are the base's poses in the flange."""
-    child, parent = carried.likely_frames or (frozenset(), frozenset())
-    return bool(child & BASES and parent & CARRIED) and not carried.of_frames
-
-
-def read_described(poses: dict[str, Any], cache: dict[str, SourceData], draft: Draft) -> PoseRecording | None:
-    """The recording by one description; None where it cannot be read so."""
-    content = {"name": "drafted", "sources": draft.sources, "poses": poses}
-    try:
-        spec = PoseRecordingSpec.read(content, "draft")
-        return import_poses(spec, "", Path(), Path(), cache).recording
-    except InputError:
-        return None
-
-
-def closing(recording: PoseRecording) -> float | None:
-    """Error of its chain [m]; None where it cannot be solved."""
-    try:
-        return closing_error(recording)
-    except InputError:
-        return None
 
 
 def common_name(names: Sequence[str]) -> str:

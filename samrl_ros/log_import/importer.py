@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from samrl_core.cell.robots.urdf_text import parse_urdf
-from samrl_core.cell.types.arm_description import ArmDescription, Tolerances
+from samrl_core.cell.types.arm_description import ArmController, ArmDescription, Tolerances
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.cell.types.controllers import KINDS
 from samrl_core.cell.types.drive_law import DriveLaw
@@ -25,7 +26,7 @@ from samrl_ros.log_import.formulas import evaluate
 from samrl_ros.log_import.mapping import Mapping
 from samrl_ros.log_import.resampling import are_between, even, find_gaps, low_pass, resample
 from samrl_ros.log_import.sources import SourceData, read_source, update_digest
-from samrl_ros.log_import.specs import QuantitySpec, RecordingSpec
+from samrl_ros.log_import.specs import Filter, QuantitySpec, RecordingSpec
 from samrl_ros.log_import.units import DEFAULT_UNIT, SI, drive_factor, factor
 from samrl_ros.recordings.described import described_by
 from samrl_ros.recordings.nominal_texts import LAW, lenient_tolerances, parse_controller, parse_tool
@@ -118,53 +119,40 @@ def _signal(
     report: list[str],
     notes: list[str],
 ) -> JointSignal:
+    """One channel from its sources; times count from `zero` [s]."""
     channel, where = spec.channels[name], f"{spec.path}.channels.{name}"
-    plan, joints = channel.resample or spec.resample, len(spec.joints)
+    plan = channel.resample or spec.resample
     time = sources[spec.source_of(channel)].time
     known = np.ones(len(time), dtype=bool)  # where every quantity is
     values: dict[str, np.ndarray] = {}
     for quantity, one in channel.quantities.items():
         path, own = f"{where}.{quantity}", sources[one.source or spec.source_of(channel)]
         if one.derivative:
-            values[quantity] = np.gradient(values["position"], time, axis=0)
+            block = np.gradient(values["position"], time, axis=0)
         else:
-            values[quantity] = _block(one, own.values, (len(own.time), joints), path) * factor(
-                quantity, one.unit, path
-            )
-            if quantity == "effort":
-                values[quantity] = values[quantity] * drive_factor(one.unit, law, joints, path)
-        bad = ~np.isfinite(values[quantity])
-        if bad.any():
-            row, column = np.argwhere(bad)[0]
-            raise InputError(
-                f"{path}: {bad.sum()} numbers are not finite, first {spec.joints[column]} at"
-                f" {own.time[row] - zero:.4f} s; set what to do with empty cells by `missing` of the source"
-            )
+            block = _in_si(quantity, one, own, len(spec.joints), law, path)
+        _check_finite(block, own.time - zero, spec.joints, path)
         if one.filter is not None:
-            grid, on_grid, uneven = even(own.time, values[quantity])
-            smooth = low_pass(grid, on_grid, one.filter, f"{path}.filter")
-            values[quantity] = (
-                np.column_stack([np.interp(own.time, grid, c) for c in smooth.T]) if uneven else smooth
-            )
+            block = _filtered(own.time, block, one.filter, f"{path}.filter")
         if own.time is not time:
-            values[quantity] = np.column_stack([np.interp(time, own.time, c) for c in values[quantity].T])
+            block = np.column_stack([np.interp(time, own.time, c) for c in block.T])
             known &= are_between(time, own.time)
+        values[quantity] = block
     if not known.all():
         notes.append(f"{name}: {(~known).sum()} samples at which a quantity of another source is unknown")
         if known.sum() < 2:
             raise InputError(
                 f"{where}: its sources have {known.sum()} moments in common; they share one clock"
             )
-        time, values = time[known], {quantity: block[known] for quantity, block in values.items()}
-    raw_rate = 1.0 / float(np.median(np.diff(time)))
+        time, values = _only(known, time, values)
+    raw_rate = _rate(time)
     if (plan.rate_hz is not None or plan.filter is not None) and (gaps := find_gaps(time)).any():
         notes.append(
             f"{name}: {gaps.sum()} gaps of up to {np.diff(time).max():.3g} s are filled by straight lines, as"
             " it is resampled: nobody measured them; import without `resample`, or cut by `time_range`"
         )
     time, values = resample(time, values, plan, f"{where}.resample")
-    rate = 1.0 / float(np.median(np.diff(time)))
-    if rate < 0.9 * raw_rate and plan.filter is None:
+    if (rate := _rate(time)) < 0.9 * raw_rate and plan.filter is None:
         notes.append(f"{name}: {raw_rate:.5g} Hz down to {rate:.5g} Hz without a filter; expect aliasing")
     time = time - zero
     if spec.time_range is not None:
@@ -172,11 +160,46 @@ def _signal(
         keep = (time >= (-np.inf if low is None else low)) & (time < (np.inf if high is None else high))
         if not keep.any():
             raise InputError(f"{spec.path}.time_range {list(spec.time_range)} s holds no sample of {name}")
-        time, values = time[keep], {q: block[keep] for q, block in values.items()}
+        time, values = _only(keep, time, values)
     report.extend(_describe(name, spec, time, values, raw_rate))
     if "enabled" in values:
         values = {"effort": (values["enabled"] != 0).astype(float)}
     return JointSignal(time, **values)
+
+
+def _in_si(
+    quantity: str, one: QuantitySpec, own: SourceData, joints: int, law: DriveLaw | None, path: str
+) -> np.ndarray:
+    """Values of a quantity (N, J) by its formulas, in SI units; efforts of a drive as torques by its law."""
+    block = _block(one, own.values, (len(own.time), joints), path) * factor(quantity, one.unit, path)
+    return block * drive_factor(one.unit, law, joints, path) if quantity == "effort" else block
+
+
+def _check_finite(block: np.ndarray, time: np.ndarray, joints: Sequence[str], path: str) -> None:
+    bad = ~np.isfinite(block)
+    if bad.any():
+        row, column = np.argwhere(bad)[0]
+        raise InputError(
+            f"{path}: {bad.sum()} numbers are not finite, first {joints[column]} at {time[row]:.4f} s; set"
+            " what to do with empty cells by `missing` of the source"
+        )
+
+
+def _filtered(time: np.ndarray, block: np.ndarray, plan: Filter, path: str) -> np.ndarray:
+    """A block (N, J) smoothed on an even grid, at its own times again."""
+    grid, on_grid, uneven = even(time, block)
+    smooth = low_pass(grid, on_grid, plan, path)
+    return np.column_stack([np.interp(time, grid, c) for c in smooth.T]) if uneven else smooth
+
+
+def _only(
+    keep: np.ndarray, time: np.ndarray, values: dict[str, np.ndarray]
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    return time[keep], {quantity: block[keep] for quantity, block in values.items()}
+
+
+def _rate(time: np.ndarray) -> float:
+    return 1.0 / float(np.median(np.diff(time)))
 
 
 def _block(one: QuantitySpec, values: dict[str, Any], shape: tuple[int, int], where: str) -> np.ndarray:
@@ -242,22 +265,7 @@ def _arm(
     if spec.tolerances is not None:
         tolerances, more = lenient_tolerances(spec.tolerances, f"{spec.path}.tolerances")
         notes.extend(more)
-    controller = None
-    if spec.controller is not None:
-        where = f"{spec.path}.controller"
-        law = spec.controller.get("type", LAW)
-        if law not in KINDS:
-            raise InputError(f"{where}.type is {law!r}; known are {', '.join(KINDS)}")
-        words = ("gravity_compensation", "between_commands", *KINDS[law].choices)
-        about = {
-            k: v if k in words else _numbers(v, constants, f"{where}.{k}")
-            for k, v in spec.controller.items()
-            if k not in ("type", "joints")
-        }
-        about |= {"type": law, "joints": list(spec.joints)}
-        parsed = parse_controller(json.dumps(about), where)
-        notes.extend(parsed.notes)
-        controller = parsed.controller
+    controller = None if spec.controller is None else _controller(spec, spec.controller, constants, notes)
     tool = None
     if spec.tool is not None:
         tool, more = parse_tool(json.dumps(spec.tool), f"{spec.path}.tool")
@@ -267,6 +275,25 @@ def _arm(
         arm, more = described_by(arm, model)
         notes.extend(more)
     return arm
+
+
+def _controller(
+    spec: RecordingSpec, given: dict[str, Any], constants: dict[str, Any], notes: list[str]
+) -> ArmController:
+    where = f"{spec.path}.controller"
+    law = given.get("type", LAW)
+    if law not in KINDS:
+        raise InputError(f"{where}.type is {law!r}; known are {', '.join(KINDS)}")
+    words = ("gravity_compensation", "between_commands", *KINDS[law].choices)
+    about = {
+        k: v if k in words else _numbers(v, constants, f"{where}.{k}")
+        for k, v in given.items()
+        if k not in ("type", "joints")
+    }
+    about |= {"type": law, "joints": list(spec.joints)}
+    parsed = parse_controller(json.dumps(about), where)
+    notes.extend(parsed.notes)
+    return parsed.controller
 
 
 def _numbers(value: Any, constants: dict[str, Any], where: str) -> Any:

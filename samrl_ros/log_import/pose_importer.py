@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from samrl_core.cell.types.pose import Pose
 from samrl_core.cell.types.pose_recording import ArmPoses, PoseRecording, PoseTolerances, PoseTrack
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_file
@@ -97,23 +98,10 @@ def import_poses(
         arms[role] = None if described is None else _arm(spec, role, described, cache, zero, data, beside)
     seen = PoseTrack(seen.time - zero, seen.position, seen.quat_xyzw)
     seen, timed = _within(spec, seen, [a for a in arms.values() if a is not None], notes)
-    p, digest = spec.poses, hashlib.sha256(text.encode() + spec.name.encode())
+    digest = hashlib.sha256(text.encode() + spec.name.encode())
     for source in cache.values():
         for file in source.files:
             update_digest(digest, file)
-
-    def stated(*keys: str) -> Any:
-        for key in keys:
-            if (given := getattr(p, key)) is not None:
-                return given.pose(f"{spec.path}.poses.{key}")
-        return None
-
-    tolerances = PoseTolerances()
-    if spec.tolerances is not None:
-        try:
-            tolerances = PoseTolerances.from_mapping(spec.tolerances)
-        except InputError as error:
-            raise InputError(f"{spec.path}.tolerances: {error}") from error
     recording = PoseRecording(
         spec.name,
         ", ".join(dict.fromkeys(str(f) for s in cache.values() for f in s.files)),
@@ -121,15 +109,32 @@ def import_poses(
         seen,
         arms["camera_arm"],
         arms["tool_arm"],
-        stated("camera_in_flange", "camera_in_base"),
-        stated("base_in_base", "target_in_base"),
-        stated("target_in_flange"),
-        p.camera,
-        p.target,
+        _stated(spec, "camera_in_flange", "camera_in_base"),
+        _stated(spec, "base_in_base", "target_in_base"),
+        _stated(spec, "target_in_flange"),
+        spec.poses.camera,
+        spec.poses.target,
         timed=timed,
-        tolerances=tolerances,
+        tolerances=_tolerances(spec),
     )
     return ImportedPoses(recording, spec.role, tuple(_describe(recording)), tuple(notes))
+
+
+def _stated(spec: PoseRecordingSpec, *keys: str) -> Pose | None:
+    """The constant transform that stands under one of several keys, by who carries the camera."""
+    for key in keys:
+        if (given := getattr(spec.poses, key)) is not None:
+            return given.pose(f"{spec.path}.poses.{key}")
+    return None
+
+
+def _tolerances(spec: PoseRecordingSpec) -> PoseTolerances:
+    if spec.tolerances is None:
+        return PoseTolerances()
+    try:
+        return PoseTolerances.from_mapping(spec.tolerances)
+    except InputError as error:
+        raise InputError(f"{spec.path}.tolerances: {error}") from error
 
 
 def _track(spec: PoseRecordingSpec, key: str, track: TrackSpec, cache: dict[str, SourceData]) -> PoseTrack:

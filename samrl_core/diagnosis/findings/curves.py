@@ -30,37 +30,36 @@ def curve_of(evidence: Evidence, fit: Fit, h: Hypothesis) -> Curve | None:
     # What tolerances cause, a torque offset above all, would shift the data off the curve.
     rest = rest - likelihood.tolerated(rest, evidence.correlation_time)
     own = likelihood.prediction(h.regressors, fit.amplitudes[index])
-    blocks = [b for b in h.regressors.blocks if float(np.sum(own[likelihood.blocks[b]] ** 2)) > 0]
-    if not blocks:
+    energy = {b: float(np.sum(own[likelihood.blocks[b]] ** 2)) for b in h.regressors.blocks}
+    if not any(energy.values()):
         return None
-    strongest = max(blocks, key=lambda b: float(np.sum(own[likelihood.blocks[b]] ** 2)))
-    channel, joint = strongest[1:]
+    _, channel, joint = max(energy, key=lambda block: energy[block])
+    label, _ = _driver(trials[0], h.effect.curve_over, joint)
     xs, ys, fits = [], [], []
-    for r, c, j in likelihood.blocks:
-        if (c, j) != (channel, joint):
+    for block in likelihood.blocks:
+        if block[1:] != (channel, joint):
             continue
-        trial = trials[r]
+        trial = trials[block[0]]
         sigma = trial.sigma[channel][:, joint]
         xs.append(_driver(trial, h.effect.curve_over, joint)[1])
-        block = (r, c, j)
         ys.append(likelihood.uncolored(block, rest + own) * sigma)
         fits.append(likelihood.uncolored(block, own) * sigma)
-    label = _driver(trials[0], h.effect.curve_over, joint)[0]
     x, y, f = np.concatenate(xs), np.concatenate(ys), np.concatenate(fits)
-    edges = np.unique(np.quantile(x, np.linspace(0, 1, BINS + 1)))
-    middle, mean = [], []
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
-        inside = (x >= low) & (x <= high)
-        if np.any(inside):
-            middle.append(float(np.mean(x[inside])))
-            mean.append(float(np.mean(f[inside])))
+    middle, mean = _mean_in_bins(x, f)
     step = max(1, len(x) // MOST_POINTS)
     unit = "rad" if channel == "tracking" else "N m"
     joint_name = trials[0].recording.arm.joints[joint]
     return Curve(
-        h.name, label, f"{channel} residual of {joint_name} [{unit}]", x[::step], y[::step],
-        np.array(middle), np.array(mean),
-    )  # fmt: skip
+        h.name, label, f"{channel} residual of {joint_name} [{unit}]", x[::step], y[::step], middle, mean
+    )
+
+
+def _mean_in_bins(x: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Means (B,) of x and of values, in bins that hold as many samples each."""
+    edges = np.unique(np.quantile(x, np.linspace(0, 1, BINS + 1)))
+    inside = [(x >= low) & (x <= high) for low, high in zip(edges[:-1], edges[1:], strict=True)]
+    held = [each for each in inside if each.any()]
+    return np.array([x[each].mean() for each in held]), np.array([values[each].mean() for each in held])
 
 
 def _driver(trial: Trial, over: str, joint: int) -> tuple[str, np.ndarray]:

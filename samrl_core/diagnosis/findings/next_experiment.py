@@ -20,7 +20,13 @@ from samrl_core.cell.robots.cells import robot_with_joints
 from samrl_core.cell.robots.robot import ROLES
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.common.errors import SamrlError
-from samrl_core.diagnosis.findings.discrimination import FILE, discrimination, find_rivals, separation
+from samrl_core.diagnosis.findings.discrimination import (
+    FILE,
+    Rivals,
+    discrimination,
+    find_rivals,
+    separation,
+)
 from samrl_core.diagnosis.residuals.equations import nominal_friction
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.trial import Trial, as_arms
@@ -46,19 +52,13 @@ def next_experiment(
     if arm.role not in ROLES:
         return None, ""
     rivals = find_rivals(fits, names)
-    joints = tuple(
-        dict.fromkeys(n.partition(":")[2] for n in (h.place for h, _ in rivals.values()) if n[:6] == "joint:")
-    )
-    spec = robot_with_joints(arm.joints)
-    scored: list[tuple[float, TrajectoryFile]] = []
-    if spec is not None and len(rivals) > 1:  # one alone differs from none
-        for kind in CANDIDATES:
-            file = TrajectoryFile(arm.role, kind, joints, {"duration_s": DURATION_S, "seed": seed}, "")
-            try:
-                (run, *_) = file_runs("next", file, spec, _payload(trial))
-            except SamrlError:
-                continue  # this arm has no room for it
-            scored.append((discrimination(_virtual(trial, run, seed), rivals), file))
+    places = (h.place for h, _ in rivals.values())
+    joints = tuple(dict.fromkeys(p.removeprefix("joint:") for p in places if p.startswith("joint:")))
+
+    def trajectory(kind: str) -> TrajectoryFile:
+        return TrajectoryFile(arm.role, kind, joints, {"duration_s": DURATION_S, "seed": seed}, "")
+
+    scored = _score(trial, rivals, [trajectory(kind) for kind in CANDIDATES], seed)
     pair = " and ".join(names[:3])
     if scored:
         best, file = max(scored, key=lambda item: item[0])
@@ -69,24 +69,41 @@ def next_experiment(
                 f" {best:.1f} of log evidence at most (tried: {tried}); an outside measurement must"
             )
         why = f"{pair} would differ by {best:.0f} of log evidence in it; it shows {KINDS[file.kind].shows}"
-        separates = separation(best)
-    else:
-        # What splits them elsewhere, by what most of them have in common.
-        kinds = [rivals[name][0].effect.experiment if name in rivals else "slow" for name in names]
-        kind, _ = Counter(kinds).most_common(1)[0]  # of as many, the first
-        file = TrajectoryFile(arm.role, kind, joints, {"duration_s": DURATION_S, "seed": seed}, "")
-        why = f"{pair}: {KINDS[kind].shows}; chosen by rule, they cannot be told apart by simulation here"
-        separates = BY_RULE
-    file = replace(file, why=why)
+        return _experiment(file, why, separation(best)), ""
+    # What splits them elsewhere, by what most of them have in common.
+    kinds = [rivals[name][0].effect.experiment if name in rivals else "slow" for name in names]
+    kind, _ = Counter(kinds).most_common(1)[0]  # of as many, the first
+    why = f"{pair}: {KINDS[kind].shows}; chosen by rule, they cannot be told apart by simulation here"
+    return _experiment(trajectory(kind), why, BY_RULE), ""
+
+
+def _score(
+    trial: Trial, rivals: Rivals, candidates: Sequence[TrajectoryFile], seed: int
+) -> list[tuple[float, TrajectoryFile]]:
+    """Discrimination [nat] in each trajectory that this arm has room for; empty where none is simulated."""
+    spec = robot_with_joints(trial.recording.arm.joints)
+    if spec is None or len(rivals) < 2:  # one alone differs from none
+        return []
+    scored: list[tuple[float, TrajectoryFile]] = []
+    for file in candidates:
+        try:
+            (run, *_) = file_runs("next", file, spec, _payload(trial))
+        except SamrlError:
+            continue  # this arm has no room for it
+        scored.append((discrimination(_virtual(trial, run, seed), rivals), file))
+    return scored
+
+
+def _experiment(file: TrajectoryFile, why: str, separates: float) -> NextExperiment:
     content = {
         "schema": 1,
         "arm": file.arm,
         "kind": file.kind,
         "joints": list(file.joints),
         "parameters": {k: list(v) if isinstance(v, tuple) else v for k, v in file.parameters.items()},
-        "why": file.why,
+        "why": why,
     }
-    return NextExperiment(FILE, why, separates, content), ""
+    return NextExperiment(FILE, why, separates, content)
 
 
 def _payload(trial: Trial) -> Payload | None:

@@ -13,13 +13,11 @@ from typing import Any
 
 from rosgraph_msgs.msg import Clock
 from samrl_msgs.msg import EpisodeReady
-from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
 from samrl_core.cell.calibration.cell_correction import NO_CORRECTION, CellCorrection
 from samrl_core.cell.robots.arm_model import ArmModel
 from samrl_core.cell.robots.robot import ROLES, CellSpec
-from samrl_core.cell.robots.urdf import description_of
 from samrl_core.cell.tasks.task import Task
 from samrl_core.cell.types.observation import Frame
 from samrl_core.cell.world.corrected_world import corrected_world
@@ -29,6 +27,7 @@ from samrl_core.common.errors import InputError
 from samrl_ros.contract.behaviour import Outbox
 from samrl_ros.contract.topics import arm_topic, camera_topic, cell_topic
 from samrl_ros.conversions import to_message
+from samrl_ros.nodes.bridge.announcements import announce_cell
 from samrl_ros.nodes.bridge.arm_guards import ArmGuards
 from samrl_ros.nodes.bridge.transforms import OPTICAL_FRAME, dynamic_transforms, static_transforms
 from samrl_ros.nodes.standstill import LATCHED
@@ -91,20 +90,10 @@ class BridgeCore:
     def announce(self) -> None:
         """Publish what late joiners need: descriptions, controllers, tools, calibration, static frames."""
         tool = self._task.scene(self._cell).tool
+        announce_cell(self._outbox, self._cell, tool)
         for role in ROLES:
-            spec = self._cell.arm(role)
-            self._outbox.publish(arm_topic(role, "robot_description"), String(data=description_of(spec)))
-            self._outbox.publish(arm_topic(role, "controller"), to_message.controller(spec, GRAVITY))
-        self._outbox.publish(
-            arm_topic("tool_arm", "tool"), to_message.payload(tool.mass, tool.center_of_mass, tool.inertia)
-        )
-        self._outbox.publish(
-            arm_topic("camera_arm", "tool"),
-            to_message.payload(
-                self._cell.camera_mass, self._cell.camera_center_of_mass, self._cell.camera_inertia
-            ),
-        )
-        self._outbox.publish(camera_topic("calibration"), to_message.calibration(self._cell))
+            controller = to_message.controller(self._cell.arm(role), GRAVITY)
+            self._outbox.publish(arm_topic(role, "controller"), controller)
         transforms = static_transforms(self._cell, tool.tip_in_flange, self._world.time_ns)
         self._outbox.publish("/tf_static", TFMessage(transforms=transforms))
         self.guards.publish_safety()

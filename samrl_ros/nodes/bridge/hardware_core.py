@@ -11,13 +11,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from samrl_msgs.msg import EpisodeReady
-from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
 from samrl_core.cell.calibration.cell_correction import NO_CORRECTION, CellCorrection
 from samrl_core.cell.robots.arm_model import ArmModel
 from samrl_core.cell.robots.robot import ROLES, CellSpec
-from samrl_core.cell.robots.urdf import description_of
 from samrl_core.cell.tasks.task import Task
 from samrl_core.cell.types.observation import ArmReading
 from samrl_core.common.errors import InputError
@@ -29,6 +27,7 @@ from samrl_ros.hardware.camera_adapter import CameraAdapter
 from samrl_ros.hardware.driver_file import DriverFile
 from samrl_ros.hardware.observe import HeardSamples
 from samrl_ros.hardware.preflight import cell_faults, clock_offsets, is_of
+from samrl_ros.nodes.bridge.announcements import announce_cell
 from samrl_ros.nodes.bridge.arm_guards import ArmGuards
 from samrl_ros.nodes.bridge.operator_episodes import OperatorEpisodes
 from samrl_ros.nodes.bridge.transforms import OPTICAL_FRAME, dynamic_transforms, static_transforms
@@ -36,12 +35,10 @@ from samrl_ros.nodes.standstill import LATCHED
 
 READY = cell_topic("sim_bridge/ready")
 _TF_PERIOD_NS = 50_000_000
-_GAP_NS = (
-    150_000_000  # without joint states before an episode: it tells the nodes that arms were moved by hand
-)
-_MISSED_NS = (
-    1_000_000_000  # of a topic on which others go on: the arm's driver has gone or names other joints
-)
+# Without joint states before an episode: it tells the nodes that arms were moved by hand.
+_GAP_NS = 150_000_000
+# Of a topic on which others go on: the arm's driver has gone or names other joints.
+_MISSED_NS = 1_000_000_000
 _SMOOTHING = 0.01  # of the clock offsets' running mean
 
 
@@ -81,9 +78,7 @@ class HardwareCore:
         self._arms = {role: ArmModel(cell.arm(role), cell.base_in_world(role), None) for role in ROLES}
         self._observed: HeardSamples | None = HeardSamples()  # during the pre-flight
         self._readings: dict[str, ArmReading] = {}  # newest of each arm, in our order
-        self._passed_ns: dict[str, int] = dict.fromkeys(
-            ROLES, -(10**18)
-        )  # stamp of the joint state passed on last
+        self._passed_ns = dict.fromkeys(ROLES, -(10**18))  # stamp of the joint state passed on last
         self._silent_until_ns: dict[str, int] = {}  # stamps before this are not passed on
         self._tf_ns = -(10**18)
         self.refused = 0  # messages of drivers
@@ -97,18 +92,10 @@ class HardwareCore:
 
     def announce(self) -> None:
         """Publish what late joiners need: descriptions, tools, calibration, static frames."""
-        tool, cell = self._task.scene(self._cell).tool, self._cell
-        for role in ROLES:
-            description = String(data=description_of(cell.arm(role)))
-            self._outbox.publish(arm_topic(role, "robot_description"), description)
-        for role, payload in (
-            ("tool_arm", (tool.mass, tool.center_of_mass, tool.inertia)),
-            ("camera_arm", (cell.camera_mass, cell.camera_center_of_mass, cell.camera_inertia)),
-        ):
-            self._outbox.publish(arm_topic(role, "tool"), to_message.payload(*payload))
-        self._outbox.publish(camera_topic("calibration"), to_message.calibration(cell))
+        tool = self._task.scene(self._cell).tool
+        announce_cell(self._outbox, self._cell, tool)
         if self._limits.publish_tf:
-            transforms = static_transforms(cell, tool.tip_in_flange, 0)
+            transforms = static_transforms(self._cell, tool.tip_in_flange, 0)
             self._outbox.publish("/tf_static", TFMessage(transforms=transforms))
         self.guards.publish_safety()
 

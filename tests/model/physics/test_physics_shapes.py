@@ -8,7 +8,7 @@ import pytest
 from samrl_core.cell.types.pose import Pose
 from samrl_core.common.errors import InputError
 from samrl_core.model.physics import shapes
-from samrl_core.model.physics.signed_distance import signed_distance
+from tests.model.physics.signed_distance import signed_distance
 
 TURNED = Pose.from_rpy(np.array([0.01, -0.02, 0.03]), (0.3, -0.5, 1.0))
 SOLIDS = {

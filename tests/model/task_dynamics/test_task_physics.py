@@ -15,7 +15,6 @@ from samrl_core.cell.tasks.peg_insertion.task import PegInsertion
 from samrl_core.cell.tasks.spatula_flipping.task import SpatulaFlipping
 from samrl_core.cell.types.scene import Box, Cylinder
 from samrl_core.common.errors import InputError, SolveError
-from samrl_core.model.physics.signed_distance import signed_distance
 from samrl_core.model.physics.state import PhysicsAction, PhysicsState
 from samrl_core.model.task_dynamics.choose import dynamics_of
 from samrl_core.model.task_dynamics.peg_dynamics import PegDynamics
@@ -23,6 +22,7 @@ from samrl_core.model.task_dynamics.rigid_task_dynamics import FINER, TaskPhysic
 from samrl_core.model.task_dynamics.settings import ContactSettings, TaskPhysicsSettings
 from samrl_core.model.task_dynamics.solids import part_at, ring_of, solids_of
 from samrl_core.model.task_dynamics.task_dynamics import TaskDynamics, TaskState
+from tests.model.physics.signed_distance import signed_distance
 
 torch.set_num_threads(1)
 CELL = cell_named()

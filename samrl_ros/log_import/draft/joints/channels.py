@@ -213,14 +213,7 @@ def add_effort(
         inputs += [c for c in currents if c.meaning.commanded and set(order) <= set(c.block.labels)]
         if inputs and "command" not in draft.channels:
             return add_motor_input(inputs[0], position, order, draft)
-    for each in currents:
-        of_torque = _TORQUES & set(words_in(each.block.stem))
-        draft.unused.append(
-            f"{name_of(each)}: if this is a torque worked out of the current, in N m at the joints, it is the"
-            " drive's: use it as commanded_effort as it is"
-            if of_torque
-            else f"{name_of(each)}: multiply by torque constant and gear ratio, then use it as effort"
-        )
+    draft.unused += [_say_how_used(each) for each in currents]
     behind = measured and _measure_behind_gears(measured[0], draft)
     link = effort is Effort.link or (effort is Effort.ask and bool(behind))
     if commanded := _add_commanded_effort(found, position, order, draft, leaves_gravity_out):
@@ -234,8 +227,6 @@ def add_effort(
             draft.note("channels.states.effort", "no efforts were found", question if undriven else "")
         return currents
     best = measured[0]
-    unit, is_told = _torque_unit(best)
-    unit_question = "" if is_told else f"is {name_of(best)} in N m?"
     source = "states"
     if best.part is not position.part:
         source = "effort"
@@ -243,6 +234,8 @@ def add_effort(
         if order == [""]:  # one joint without a label: any force beside it would do
             where = f"channels.{'states' if link else 'commanded_effort'}.effort"
             draft.note(where, "of another file or topic", f"is {name_of(best)} what drives this joint?")
+    unit, is_told = _torque_unit(best)
+    unit_question = "" if is_told else f"is {name_of(best)} in N m?"
     quantity = quantity_of(best, order, unit, draft, source)
     if best.part.kind in ARM_MESSAGES and ARM_MESSAGES[best.part.kind].reaction:
         with_minus(quantity)
@@ -254,19 +247,37 @@ def add_effort(
         draft.note("channels.states.effort", f"{name_of(best)}: {reason}", unit_question, "torque_unit")
         draft.channels["states"]["effort"] = quantity
         return [best, *([commanded] if commanded else []), *currents]
-    question = unit_question
-    if effort is Effort.ask:
-        question = (
-            f"what is {name_of(best)}? The drive's torque times gear ratio (as drafted; --effort drive), the"
-            " torque of a sensor behind the gears (--effort link), or a motor's current (multiply it by its"
-            " torque constant and gear ratio in the mapping; --effort none leaves it out)"
-        )
-        if _lies_on(best, position):
-            question += "; or a set point, as it lies on the position: then it is the command's position"
-    asks = "" if effort is Effort.ask else "torque_unit"
-    draft.note("channels.commanded_effort.effort", f"{name_of(best)}: the name says effort", question, asks)
+    is_open = effort is Effort.ask
+    draft.note(
+        "channels.commanded_effort.effort",
+        f"{name_of(best)}: the name says effort",
+        _asked_of_effort(best, position) if is_open else unit_question,
+        "" if is_open else "torque_unit",
+    )
     draft.channels["commanded_effort"] = {"source": source, "effort": quantity}
     return [best, *currents]
+
+
+def _say_how_used(current: NamedBlock) -> str:
+    """What to do with a current or voltage that is not used; a torque worked out of it is a drive's."""
+    if _TORQUES & set(words_in(current.block.stem)):
+        return (
+            f"{name_of(current)}: if this is a torque worked out of the current, in N m at the joints, it is"
+            " the drive's: use it as commanded_effort as it is"
+        )
+    return f"{name_of(current)}: multiply by torque constant and gear ratio, then use it as effort"
+
+
+def _asked_of_effort(effort: NamedBlock, position: NamedBlock) -> str:
+    """Where a measured effort belongs, when nobody said so."""
+    question = (
+        f"what is {name_of(effort)}? The drive's torque times gear ratio (as drafted; --effort drive), the"
+        " torque of a sensor behind the gears (--effort link), or a motor's current (multiply it by its"
+        " torque constant and gear ratio in the mapping; --effort none leaves it out)"
+    )
+    if _lies_on(effort, position):
+        question += "; or a set point, as it lies on the position: then it is the command's position"
+    return question
 
 
 def _lies_on(effort: NamedBlock, position: NamedBlock) -> bool:

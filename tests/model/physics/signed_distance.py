@@ -1,4 +1,4 @@
-"""Signed distance of points to a solid, outside of any simulation: for tests, start poses and pictures."""
+"""Signed distance of points to a solid by the kernels' own function, outside of any simulation."""
 
 from functools import cache
 

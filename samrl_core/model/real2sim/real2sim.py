@@ -60,6 +60,23 @@ class _SeenTarget:
     before: Losses  # at the parameters believed so far
 
 
+@dataclass(frozen=True, eq=False)
+class _Belief:
+    """The part of an `Estimate` that a fit changes."""
+
+    values: np.ndarray  # (P,)
+    covariance: np.ndarray  # (P, P)
+    colors: np.ndarray  # (G, 3)
+    color_variance: np.ndarray  # (G, 3)
+
+
+@dataclass(frozen=True)
+class _FitLosses:
+    before: Losses
+    after: Losses
+    known: float  # eq. 6 after the fit, with the colours believed before it; NaN where nobody compares
+
+
 @dataclass(frozen=True)
 class Real2SimSettings:
     """Weights of the losses, noise and step control."""
@@ -173,13 +190,7 @@ class Real2Sim:
         real = RealTarget.of(observation, self._model.target_label, self._model.chain_reach(joints))
         renderer = TargetRenderer(self._model, observation.camera, joints, real.clear)
         if min(real.pixels, len(real.cloud)) < (s.least_thin_pixels if renderer.thin else s.least_pixels):
-            return replace(
-                estimate,
-                stamp_ns=observation.stamp_ns,
-                **_NO_FIT,
-                why_stopped="no_target",
-                converged=False,
-            )
+            return _without_target(estimate, observation.stamp_ns)
         misfit = Misfit(renderer, real, s.color_weight, s.emd_weight)
         before = misfit.losses(estimate.values, estimate.colors)
         seen = _SeenTarget(observation.stamp_ns, renderer, real, misfit, before)
@@ -198,32 +209,20 @@ class Real2Sim:
         s = self._settings
         seen = seen_parts(self._model, estimate.values, observation, s.parts)
         if not seen or seen[0].number != 0:
-            return replace(
-                estimate,
-                stamp_ns=observation.stamp_ns,
-                **_NO_FIT,
-                why_stopped="no_target",
-                converged=False,
-            )
+            return _without_target(estimate, observation.stamp_ns)
         fitting = PartFit(self._model, seen, s.parts, s.pose, (s.color_weight, s.emd_weight))
         before = fitting.losses(estimate.values, estimate.colors)
         belief = estimate.covariance + np.diag(
             np.where(self._moves, s.parts.motion * self._scale, s.drift) ** 2
         )
         fit = fitting.fit(estimate.values, estimate.colors, belief, s.worse, watch)
-        known = (estimate.colors, estimate.color_variance)
-        pixels = fitting.group_pixels(fit.values, fit.colors)
-        colors, color_variance = fused_colors(*known, fit.colors, pixels, s.noise, s.color_floor)
-        after = fitting.losses(fit.values, colors)
-        loss_known = fitting.losses(fit.values, estimate.colors).total if compared else float("nan")
-        found, losses = (
-            (fit.values, fit.covariance, colors, color_variance),
-            (before, after, loss_known),
-        )
         if fit.why_stopped == "diverged":
-            found = (estimate.values, belief, estimate.colors, estimate.color_variance)
-            losses = (before, before, before.total)
-        return _estimate(estimate, observation.stamp_ns, found, losses, fit.evaluations, fit.why_stopped)
+            return _diverged(estimate, observation.stamp_ns, belief, before, fit.evaluations)
+        pixels = fitting.group_pixels(fit.values, fit.colors)
+        found = _Belief(fit.values, fit.covariance, *self._fuse_colors(estimate, fit.colors, pixels))
+        known = fitting.losses(fit.values, estimate.colors).total if compared else float("nan")
+        losses = _FitLosses(before, fitting.losses(fit.values, found.colors), known)
+        return _fitted(estimate, observation.stamp_ns, found, losses, fit.evaluations, fit.why_stopped)
 
     def _update_apart(self, estimate: Estimate, seen: _SeenTarget, compared: bool) -> Estimate:
         """`update` of a position, each coordinate with a step size of its own."""
@@ -237,9 +236,7 @@ class Real2Sim:
         count = self._scale.size
         evaluations = coarse_evaluations + fit.evaluations
         if fit.why_stopped == "diverged":
-            kept = (estimate.values, estimate.covariance, estimate.colors, estimate.color_variance)
-            losses = (before, before, before.total)
-            return _estimate(estimate, seen.stamp_ns, kept, losses, evaluations, "diverged")
+            return _diverged(estimate, seen.stamp_ns, estimate.covariance, before, evaluations)
         fitted, colors = fit.parameters[:count], fit.parameters[count:].reshape(-1, 3)
 
         def view_at(values: np.ndarray) -> ViewInformation:
@@ -256,14 +253,11 @@ class Real2Sim:
         belief = estimate.covariance + s.drift**2 * np.eye(count)
         values, covariance = fused(estimate.values, belief, fitted, view.matrix, s.surprise)
         values = np.clip(values, self._lower, self._upper)
-        known = (estimate.colors, estimate.color_variance)
-        colors, color_variance = fused_colors(
-            *known, colors, renderer.group_pixels(values, colors), s.noise, s.color_floor
-        )
-        loss_known = misfit.losses(values, estimate.colors).total if compared else float("nan")
-        losses = (before, misfit.losses(values, colors), loss_known)
-        belief = (values, covariance, colors, color_variance)
-        return _estimate(estimate, seen.stamp_ns, belief, losses, evaluations, fit.why_stopped)
+        pixels = renderer.group_pixels(values, colors)
+        found = _Belief(values, covariance, *self._fuse_colors(estimate, colors, pixels))
+        known = misfit.losses(values, estimate.colors).total if compared else float("nan")
+        losses = _FitLosses(before, misfit.losses(values, found.colors), known)
+        return _fitted(estimate, seen.stamp_ns, found, losses, evaluations, fit.why_stopped)
 
     def _update_together(
         self,
@@ -281,22 +275,24 @@ class Real2Sim:
         )
         fit, loss_known = self._right_face(fit, estimate.colors, seen, belief, compared)
         pixels = renderer.group_pixels(fit.values, fit.colors)
-        known = (estimate.colors, estimate.color_variance)
-        colors, color_variance = fused_colors(*known, fit.colors, pixels, s.noise, s.color_floor)
+        colors = self._fuse_colors(estimate, fit.colors, pixels)
         if not fit.covers and self._model.task.look_alikes(fit.values):
             # A pancake that falls, believed elsewhere, paints one face with the other: then no colour tells
             # them apart any more.
-            colors, color_variance = known
-        after = misfit.losses(fit.values, colors)
-        found, losses, why = (
-            (fit.values, fit.covariance + self._common, colors, color_variance),
-            (before, after, loss_known),
-            fit.why_stopped,
-        )
-        if why == "diverged" or after.farther_than(before, s.worse):
-            found = (estimate.values, belief, estimate.colors, estimate.color_variance)
-            losses, why = (before, before, before.total), "diverged"
-        return _estimate(estimate, seen.stamp_ns, found, losses, fit.evaluations, why)
+            colors = (estimate.colors, estimate.color_variance)
+        found = _Belief(fit.values, fit.covariance + self._common, *colors)
+        after = misfit.losses(fit.values, found.colors)
+        if fit.why_stopped == "diverged" or after.farther_than(before, s.worse):
+            return _diverged(estimate, seen.stamp_ns, belief, before, fit.evaluations)
+        losses = _FitLosses(before, after, loss_known)
+        return _fitted(estimate, seen.stamp_ns, found, losses, fit.evaluations, fit.why_stopped)
+
+    def _fuse_colors(
+        self, estimate: Estimate, colors: np.ndarray, pixels: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Colours (G, 3) and their variance after a fit that shows so many pixels (G,) of each group."""
+        s, known = self._settings, (estimate.colors, estimate.color_variance)
+        return fused_colors(*known, colors, pixels, s.noise, s.color_floor)
 
     def _right_face(
         self, fit: PoseFit, colors: np.ndarray, seen: _SeenTarget, belief: np.ndarray, compared: bool
@@ -346,22 +342,31 @@ class Real2Sim:
         return replace(found, parameters=whole(found.parameters))
 
 
-def _estimate(
-    last: Estimate,
-    stamp_ns: int,
-    belief: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
-    losses: tuple[Losses, Losses, float],
-    iterations: int,
-    why_stopped: str,
+def _without_target(last: Estimate, stamp_ns: int) -> Estimate:
+    """After an image that does not show the target."""
+    return replace(last, stamp_ns=stamp_ns, **_NO_FIT, why_stopped="no_target", converged=False)
+
+
+def _diverged(
+    last: Estimate, stamp_ns: int, covariance: np.ndarray, losses: Losses, iterations: int
 ) -> Estimate:
-    values, covariance, colors, color_variance = belief
-    before, after, loss_known = losses
+    """After a fit that came to nothing: values and colours stay, known no better than was believed."""
+    kept = _Belief(last.values, covariance, last.colors, last.color_variance)
+    return _fitted(
+        last, stamp_ns, kept, _FitLosses(losses, losses, losses.total), iterations, why_stopped="diverged"
+    )
+
+
+def _fitted(
+    last: Estimate, stamp_ns: int, found: _Belief, losses: _FitLosses, iterations: int, why_stopped: str
+) -> Estimate:
+    before, after = losses.before, losses.after
     return replace(
         last,
-        values=values,
-        covariance=covariance,
-        colors=colors,
-        color_variance=color_variance,
+        values=found.values,
+        covariance=found.covariance,
+        colors=found.colors,
+        color_variance=found.color_variance,
         stamp_ns=stamp_ns,
         loss_before=before.total,
         loss_after=after.total,
@@ -372,5 +377,5 @@ def _estimate(
         iterations=iterations,
         why_stopped=why_stopped,
         converged=why_stopped == "converged",
-        loss_known=loss_known,
+        loss_known=losses.known,
     )

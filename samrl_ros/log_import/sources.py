@@ -139,9 +139,8 @@ def _used(spec: LoggedSpec, name: str, constants: dict[str, Any]) -> set[str]:
 
 
 def _column(table: Table, column: ColumnSpec, where: str) -> np.ndarray:
-    values = np.array(
-        table.numbers(column.column, where)
-    )  # a copy: `missing` fills it, another key's may not
+    # A copy: `missing` fills it, another key's may not.
+    values = np.array(table.numbers(column.column, where))
     if column.empty is not None:
         values = np.where(values == column.empty, np.nan, values)
     return values.T if column.transpose else values

@@ -131,9 +131,8 @@ class SourceSpec(Checked):
     """Files of equal length, side by side, and their time."""
 
     file: Files | None = None  # None: `files` of the recording names it
-    part: Part = (
-        ""  # topic of a bag, episode of a dataset, group of HDF5, keys down to JSON's samples, label of rows
-    )
+    # Topic of a bag, episode of a dataset, group of HDF5, keys down to JSON's samples, label of rows.
+    part: Part = ""
     csv: CsvOptions = CsvOptions()
     images: ImageOptions | None = None  # the file is a folder or a stack of depth images
     time: TimeSpec | None = None  # None: the file's own, such as a bag's stamps

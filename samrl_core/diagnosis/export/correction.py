@@ -55,13 +55,11 @@ class Correction:
     law: NominalLaw | None
     tool: dict[str, Any] | None  # mass, center_of_mass, inertia at the flange; None: none
     promise: dict[str, Any]  # shrink and ci95 of the report
-    model: dict[str, str] = field(
-        default_factory=dict
-    )  # form, path and source of the user's model, if there is one
+    # Form, path and source of the user's model, if there is one.
+    model: dict[str, str] = field(default_factory=dict)
     samples: dict[str, np.ndarray] = field(default_factory=dict)  # field -> (S, ...) of the posterior
-    motion: dict[str, np.ndarray] = field(
-        default_factory=dict
-    )  # MOTION of the fitted recordings, (N,) and (N, J)
+    # MOTION of the fitted recordings, (N,) and (N, J).
+    motion: dict[str, np.ndarray] = field(default_factory=dict)
     held_out: tuple[
         dict[str, np.ndarray], ...
     ] = ()  # one per recording: HELD_OUT, command_*, measured_*, scale_*

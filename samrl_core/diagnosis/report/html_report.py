@@ -237,7 +237,7 @@ def _key_figures(d: Diagnosis) -> list[KeyFigure]:
                 _key_figure("next recording decides", words.percent(d.next_experiment.separates), note)
             )
     if math.isfinite(d.unexplained_fraction):
-        after = {"effect": "the named effects"}.get(d.verdict, "the best effect")
+        after = "the named effects" if d.verdict == "effect" else "the best effect"
         note = f"of the fitted residual's energy, after {after}"
         items.append(_key_figure("unexplained", words.percent(d.unexplained_fraction), note))
     if d.heatmap is not None and d.verdict == "no_gap":

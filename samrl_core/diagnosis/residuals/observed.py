@@ -20,9 +20,8 @@ class Observed(ABC):
     """A recording with its residuals. Rows of a channel are its places, samples have times."""
 
     kind: ClassVar[str]  # of recording: arm, poses, ...
-    exact: ClassVar[bool] = (
-        False  # effects are geometry, not formulas: who explains as much is not told apart
-    )
+    # Effects are geometry, not formulas: who explains as much is not told apart.
+    exact: ClassVar[bool] = False
     short: ClassVar[bool] = False  # many blocks of few samples: what noise alone exceeds in them adds up
     unsure: ClassVar[float] = 0.0  # share of the noise's energy, by which its level may be off
     tiles_along_side: ClassVar[int] = 0  # of an image's square of tiles; 0 of what is no image

@@ -113,9 +113,8 @@ class PlantParameters:
     cable_rest: Value = _joint(0.0, "rad", "see cable_stiffness")
     cable_friction: Value = _joint(0.0, "N m", "link torque -= friction z, dz/dt = (dq - |dq| z) / 0.05 rad")
     # body
-    inertial_delta: np.ndarray | None = (
-        None  # (J, 10) added to [m, m c, Ixx Ixy Iyy Ixz Iyz Izz] at each joint
-    )
+    # (J, 10) added to [m, m c, Ixx Ixy Iyy Ixz Iyz Izz] at each joint.
+    inertial_delta: np.ndarray | None = None
     payload: np.ndarray | None = None  # (10,) the same ten about the flange, added there
     gravity: np.ndarray | None = None  # (3,) [m/s2] in the base frame; None is the controller's
     mount_stiffness: float = _INF  # [N m/rad] of the base about its x and y; infinity is rigid

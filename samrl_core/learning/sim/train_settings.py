@@ -89,9 +89,8 @@ class TrainSettings:
                 f"{self.states} states leave {known} to learn from, a batch of the actor has "
                 f"{self.actor.batch_size}; ask for more states or a smaller batch"
             )
-        least_episodes = (
-            2 * self.levels * self.group
-        )  # to learn from, and to validate, at each level of noise
+        # To learn from, and to validate, at each level of noise.
+        least_episodes = 2 * self.levels * self.group
         if self.episodes < least_episodes:
             raise InputError(
                 f"episodes is {self.episodes}, must be at least {least_episodes}: {self.levels} levels of "

@@ -38,9 +38,8 @@ class DampedSettings:
     max_evaluations: int = 20
     largest_step: float = 1.0  # longest change of a parameter in a step [scale]
     smallest_step: float = 0.01  # converged when a step is below [scale]
-    smallest_decrease: float = (
-        1e-3  # converged when two steps in a row decrease the value by less than this share
-    )
+    # Converged when two steps in a row decrease the value by less than this share.
+    smallest_decrease: float = 1e-3
     patience: int = 4  # converged when so many steps in a row do not help
     first_damping: float = 0.05  # added to the curvature, as a share of its diagonal (Marquardt 1963)
     ease: float = 0.3  # factor on the damping after a step that helped

@@ -1,12 +1,8 @@
 """Names of policies and view strategies, and the defaults; imports nothing."""
 
 POLICIES = ("learned", "optimised")  # nominal action: of the trained actor, or of a plan through the model
-STRATEGIES = (
-    "q",
-    "best",
-    "fixed",
-    "random",
-)  # view: ascent of the learned Q, expected information, none, any
+# View: ascent of the learned Q, expected information, none, any.
+STRATEGIES = ("q", "best", "fixed", "random")
 
 ACTOR_IMAGES = ("rendered", "real")  # what the actor reads: the updated model's image, or the camera's own
 

@@ -36,9 +36,8 @@ class TrajectorySettings:
     """How long the search may go on."""
 
     max_actions: int = 60  # whole plan
-    max_sub_goals: int = (
-        60  # the plan ends after so many; all but its first action is thrown away in the loop
-    )
+    # The plan ends after so many; all but its first action is thrown away in the loop.
+    max_sub_goals: int = 60
     spare_actions: int = 2  # more per sub-goal than the straight line needs, where it cannot be reached else
     max_iterations: int = 8  # Gauss-Newton steps per sub-goal and number of actions
     effort_weight: float = 1e-3  # of the squared actions against the squared distance to the goal [-]

@@ -49,11 +49,8 @@ class ViewAscentSettings:
     steps: int = 5  # trials from each start
     first_step: float = 0.2  # [scale]
     smallest_step: float = 0.02  # [scale]
-    scale: tuple[float, float, float] = (
-        1.0,
-        1.0,
-        0.4,
-    )  # steps that move the camera about as far [rad], [rad], [m]
+    # Steps that move the camera about as far [rad], [rad], [m].
+    scale: tuple[float, float, float] = (1.0, 1.0, 0.4)
     through_action: bool = False  # see `sensing_value.value_of`
     min_gain: float = 0.02  # least gain over the present view, the motion's penalty subtracted [Q]
     time_penalty: float = 0.01  # of camera motion [Q/s]

@@ -33,9 +33,8 @@ class ArmGuards:
         self._guards = {
             r: CommandGuard(cell.arm(r).limits, cell.arm(r).joint_names, timeout_s=timeout_s) for r in ROLES
         }
-        self._dropped_log_s: dict[str, float] = dict.fromkeys(
-            ROLES, -1.0
-        )  # robot time of the last message about it [s]
+        # Robot time of the last message about it [s].
+        self._dropped_log_s: dict[str, float] = dict.fromkeys(ROLES, -1.0)
         self._rivals: dict[str, tuple[str, ...]] = {}  # who was told of while the arm is stopped
         self._was_moving: dict[str, bool] = dict.fromkeys(ROLES, False)  # at the last `is_in_charge`
         self._told: tuple[Any, ...] = ()

@@ -21,9 +21,8 @@ HARMONICS = (
     32,
 )  # of a ring at the link; as near as travel tells apart
 RATIOS = (50, 80, 100, 120, 160)  # of harmonic drives (maker's catalogues): once per turn of the motor
-LEAST_WAVE = (
-    0.1  # of the root mean square that must vary: an offset explains 99 % of an error that varies less
-)
+# Of the root mean square that must vary: an offset explains 99 % of an error that varies less.
+LEAST_WAVE = 0.1
 
 
 class EncoderEccentricity(Effect):

@@ -30,10 +30,8 @@ from samrl_core.diagnosis.selection.twins import AS_MUCH, principal_angle
 
 VIEWS = 12
 DISTANCES_M = (0.27, 0.6)
-ASIDE_RAD, ROLL_RAD = (
-    0.6,
-    1.3,
-)  # of a view from the direction of the recorded ones, and about the optical axis
+# Of a view from the direction of the recorded ones, and about the optical axis.
+ASIDE_RAD, ROLL_RAD = (0.6, 1.3)
 SHAKE_RAD, SHAKE_HZ = 0.2, (0.5, 0.7, 0.9)  # per axis
 SECONDS, RATE_HZ = 12.0, 30.0
 MOTIONS = {

@@ -94,13 +94,9 @@ class ImageTrial(Observed):
         """Length [s]."""
         return self.recording.duration
 
-    def tiles(self, channel: str) -> np.ndarray:
+    def tiles_of(self, channel: str) -> np.ndarray:
         """(N,) index of each sample's tile, row by row of `TILES` x `TILES`."""
         return self._rows[channel].tile
-
-    def tiles_of(self, channel: str) -> np.ndarray | None:
-        """As `tiles`."""
-        return self.tiles(channel)
 
     def surfaces(self, channel: str) -> np.ndarray:
         """(N,) index of each sample's surface and colour; (0,) of channels that are of no colour."""
@@ -132,7 +128,7 @@ class ImageTrial(Observed):
 
     def drivers(self, channel: str, row: int) -> dict[str, np.ndarray]:
         """Where in the image, and when."""
-        tile = self.tiles(channel)
+        tile = self.tiles_of(channel)
         right, below = tile % TILES - 0.5 * (TILES - 1), tile // TILES - 0.5 * (TILES - 1)
         return {
             "right in the image": right,

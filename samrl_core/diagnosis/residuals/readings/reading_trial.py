@@ -17,10 +17,8 @@ from samrl_core.diagnosis.residuals.poses.noise import noise_level, scale
 LEAST_READINGS = 20
 ROUNDS = 8
 ALIKE_M = 1e-5  # by which two reference depths are one
-LEAST_ALIKE, MOST_PLATEAUS = (
-    5,
-    60,
-)  # readings at one depth, and depths, from and up to which they share errors
+# Readings at one depth, and depths, from and up to which they share errors.
+LEAST_ALIKE, MOST_PLATEAUS = (5, 60)
 GROUPS, LEAST_SPREAD = 8, 0.4  # of readings by depth, and of its logarithm, that show how noise grows
 NEXT_TO_STEP, STEP = 25, 8.0  # stamps on either side of a step of the clocks, and its size in their noise
 SLOW = 6.0  # readings that count as one where it is asked whether anything at all is there

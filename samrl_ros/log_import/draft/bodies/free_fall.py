@@ -16,10 +16,8 @@ G = -GRAVITY[2]  # [m/s^2]
 WINDOWS_S = (0.15, 0.3)  # of fitted parabolas; the longer where noise hides a fall in the shorter
 LEAST_SAMPLES = 6  # of a window
 SIZES = (0.6, 1.6)  # of what is seen over 9.81 m/s^2, for a unit to be possible
-SURE_SIZES = (
-    0.75,
-    1.35,
-)  # likewise, beyond which another frame rate or unit is likelier than an error of one
+# Likewise, beyond which another frame rate or unit is likelier than an error of one.
+SURE_SIZES = (0.75, 1.35)
 SURE_LEAN = 0.3  # [rad] of gravity from an axis, beyond which that axis is hardly up
 FAR_OFF = 3.0  # standard deviations by which a window may differ from the others
 CLEAR = 0.12  # of gravity, that noise may make of a window's acceleration

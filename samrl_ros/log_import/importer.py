@@ -279,7 +279,7 @@ def _arm(
 
 def _controller(
     spec: RecordingSpec, given: dict[str, Any], constants: dict[str, Any], notes: list[str]
-) -> ArmController:
+) -> ArmController | None:
     where = f"{spec.path}.controller"
     law = given.get("type", LAW)
     if law not in KINDS:

@@ -75,20 +75,9 @@ def read_source(
         rule = source.columns[key].missing or source.missing
         keep &= _fill(values, rule, time, keep, f"{where}.columns.{key}", notes)
     if source.time is not None and source.time.repeated == "drop":
-        ahead = np.maximum.accumulate(np.where(keep, time, -np.inf))
-        repeated = keep & (time <= np.concatenate([[-np.inf], ahead[:-1]]))
-        if repeated.any():
-            notes.append(f"{where}: {repeated.sum()} rows whose time does not increase are left out")
-            keep &= ~repeated
+        keep = _without_repeated(time, keep, where, notes)
+    _check_increasing(time, keep, where)
     time = time[keep]
-    steps = np.flatnonzero(np.diff(time) <= 0)
-    if len(steps):
-        k = int(steps[0])
-        raise InputError(
-            f"{where}.time: goes from {time[k]:.6f} to {time[k + 1]:.6f} s at row"
-            f" {int(np.flatnonzero(keep)[k + 1])} ({len(steps)} such steps); `repeated: drop` leaves such"
-            " rows out, `rows` cuts the log"
-        )
     values = {
         TIME: time,
         **constants,
@@ -97,6 +86,26 @@ def read_source(
     for key, formula in source.values.items():
         values[key] = evaluate(formula, values, f"{where}.values.{key}")
     return SourceData(paths, time, values)
+
+
+def _without_repeated(time: np.ndarray, keep: np.ndarray, where: str, notes: list[str]) -> np.ndarray:
+    """Rows (N,) to keep, without those whose time is none after all before."""
+    ahead = np.maximum.accumulate(np.where(keep, time, -np.inf))
+    repeated = keep & (time <= np.concatenate([[-np.inf], ahead[:-1]]))
+    if repeated.any():
+        notes.append(f"{where}: {repeated.sum()} rows whose time does not increase are left out")
+    return keep & ~repeated
+
+
+def _check_increasing(time: np.ndarray, keep: np.ndarray, where: str) -> None:
+    rows, kept = np.flatnonzero(keep), time[keep]
+    steps = np.flatnonzero(np.diff(kept) <= 0)
+    if len(steps):
+        k = int(steps[0])
+        raise InputError(
+            f"{where}.time: goes from {kept[k]:.6f} to {kept[k + 1]:.6f} s at row {int(rows[k + 1])}"
+            f" ({len(steps)} such steps); `repeated: drop` leaves such rows out, `rows` cuts the log"
+        )
 
 
 def update_digest(digest: hashlib._Hash, path: Path) -> None:

@@ -6,7 +6,7 @@ import difflib
 import json
 import subprocess
 import sys
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -69,24 +69,12 @@ def write_export(
         raise InputError(f"unknown export {target!r}; known are {', '.join(TARGETS)}")
     if is_there(folder):
         raise InputError(f"{folder} exists already; move it away, exports are not replaced")
-    c = correction
-    extra: dict[str, str] = {}
-    if target == "mujoco":
-        path = Path(c.model["path"]) if c.model.get("form") == "mjcf" and c.model.get("path") else None
-        original = c.model["source"] if c.model.get("form") == "mjcf" else generated_mjcf(c)
-        changed, statements = to_mjcf(c, original, path)
-        suffix, assets = "xml", None if path is None else str(path.parent.resolve())
-    else:
-        original = c.model["source"] if c.model.get("form") in ("urdf", "xacro") else c.urdf
-        suffix, assets = "urdf", None
-        if target == "isaaclab":
-            changed, extra["actuators.py"], statements = to_isaaclab(c, original)
-        else:
-            changed, statements = to_urdf(c, original, target)
-    texts = {f"original.{suffix}": original, f"changed.{suffix}": changed, **extra}
+    c, models = correction, _change_model(correction, target)
+    suffix, statements = models.suffix, models.statements
+    texts = {f"original.{suffix}": models.original, f"changed.{suffix}": models.changed, **models.beside}
     texts["changes.diff"] = "".join(
         difflib.unified_diff(
-            original.splitlines(keepends=True), changed.splitlines(keepends=True),
+            models.original.splitlines(keepends=True), models.changed.splitlines(keepends=True),
             f"original.{suffix}", f"changed.{suffix}",
         )
     )  # fmt: skip
@@ -101,7 +89,7 @@ def write_export(
         if c.law is None or not c.held_out:
             why_not = "the recordings describe no controller, or one that is more than stiffness and damping"
         if not why_not:
-            _write_law(c, target, folder, statements, assets)
+            _write_law(c, target, folder, statements, models.assets)
             found = _run(target, folder)
     else:
         why_not = f"{target} does not run here"
@@ -119,6 +107,34 @@ def write_export(
     write_whole(folder / "export.json", json.dumps(about, indent=1, allow_nan=False) + "\n")
     names += ["export.html", "export.json"]
     return Export(target, folder, tuple(folder / n for n in names), tuple(statements), found, why_not)
+
+
+@dataclass(frozen=True)
+class _Models:
+    """A user's model and the corrected one, as texts."""
+
+    suffix: str  # of their files
+    original: str
+    changed: str
+    statements: list[Statement]
+    assets: str | None = None  # folder that paths in them count from
+    beside: dict[str, str] = field(default_factory=dict)  # file name -> text of what belongs to them
+
+
+def _change_model(c: Correction, target: str) -> _Models:
+    """The model that a target reads: an MJCF for MuJoCo, a URDF for all others."""
+    form = c.model.get("form")
+    if target == "mujoco":
+        own = form == "mjcf"
+        path = Path(c.model["path"]) if own and c.model.get("path") else None
+        original = c.model["source"] if own else generated_mjcf(c)
+        changed, statements = to_mjcf(c, original, path)
+        return _Models("xml", original, changed, statements, str(path.parent.resolve()) if path else None)
+    original = c.model["source"] if form in ("urdf", "xacro") else c.urdf
+    if target == "isaaclab":
+        changed, actuators, statements = to_isaaclab(c, original)
+        return _Models("urdf", original, changed, statements, beside={"actuators.py": actuators})
+    return _Models("urdf", original, *to_urdf(c, original, target))
 
 
 def _write_law(

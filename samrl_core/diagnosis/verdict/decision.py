@@ -43,4 +43,3 @@ class Decision:
     tied: tuple[str, ...] = ()
     unexplained: float = 0.0
     contradicted: bool = False  # held-out recordings are worse off with what was found
-    unconfirmed: bool = False  # held-out recordings could show nothing of what was found

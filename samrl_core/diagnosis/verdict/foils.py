@@ -38,6 +38,7 @@ class FoilForm(DriveForm):
     """A torque at one joint in proportion to one amplitude."""
 
     law: Law
+    brakes: bool = False
 
     def torque(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
         """Lost torque (1, F)."""
@@ -47,6 +48,10 @@ class FoilForm(DriveForm):
         """A tenth of the joint's effort, as for frictions."""
         lost = self.law(trial, joint, shape)
         return np.array([0.1 * trial.scale[joint] / max(float(np.sqrt(np.mean(lost**2))), 1e-9)])
+
+    def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
+        """A law of speed brakes."""
+        return not self.brakes or bool(amplitudes[0] > 0.0)
 
     def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
         """Its only size, of no family."""
@@ -65,13 +70,14 @@ class Foil(DriveEffect):
         (joint,) = place.joints
         fastest = fastest_motion(trial, place.joints)
         peaks = tuple({"v": part * fastest} for part in TURNS)
-        made = [
-            FoilForm(name="a drag by the square of speed", place=place, amplitudes=("c",), law=_drag),
-            FoilForm(
-                name="a brake that fades at speed", place=place, amplitudes=("b",), law=_brake, shapes=peaks,
-                refine={"v": (0.5 * TURNS[0] * fastest, fastest)},
-            ),
-        ]  # fmt: skip
+        drag = FoilForm(
+            name="a drag by the square of speed", place=place, amplitudes=("c",), law=_drag, brakes=True
+        )
+        brake = FoilForm(
+            name="a brake that fades at speed", place=place, amplitudes=("b",), law=_brake, brakes=True,
+            shapes=peaks, refine={"v": (0.5 * TURNS[0] * fastest, fastest)},
+        )  # fmt: skip
+        made = [drag, brake]
         if trial.rigid is not None and trial.motion.dynamic:
             made += [
                 FoilForm(

@@ -20,6 +20,7 @@ from samrl_core.diagnosis.selection.selection import Selection, with_chosen, wit
 from samrl_core.diagnosis.selection.twins import find_twins
 from samrl_core.diagnosis.verdict import rules
 from samrl_core.diagnosis.verdict.confidence import estimates, probabilities
+from samrl_core.diagnosis.verdict.confirmation import not_confirmed, nothing_confirms
 from samrl_core.diagnosis.verdict.foretelling import find_as_foretelling, is_denied_there
 from samrl_core.diagnosis.verdict.further_members import find_superfluous
 from samrl_core.diagnosis.verdict.how_far import HowFar, how_far
@@ -226,7 +227,8 @@ def judge_set(
     outcome = rules.decide(selection, named, runner_ups, alarms, far, settings)
     if chosen is None and doubted:
         outcome = rules.Decision("none_of_mine", tuple(doubted), unexplained=1.0)
-    if outcome.unconfirmed and outcome.verdict == "ambiguous":
+    if outcome.verdict == "effect" and nothing_confirms(likelihood, selection, far, settings):
+        outcome = not_confirmed(selection, named[0], runner_ups)
         named, runner_ups = _as_open(named, runner_ups, outcome.tied)
     contradicted = tuple(
         i for i, n in enumerate(named) if any(a.startswith((f"{n.name}:", f"{n.name} ")) for a in alarms)

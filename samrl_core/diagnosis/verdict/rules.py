@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 from samrl_core.diagnosis.result import HeldOutGap, NamedEffect
 from samrl_core.diagnosis.selection.selection import Selection
-from samrl_core.diagnosis.verdict.confirmation import not_confirmed, nothing_confirms
 from samrl_core.diagnosis.verdict.decision import Decision, VerdictSettings
 from samrl_core.diagnosis.verdict.how_far import HowFar
 
@@ -58,8 +57,6 @@ def decide(
     tie = _tie(first, runner_ups, far, settings)
     if tie is not None:
         return Decision("ambiguous", (*reasons, tie.reason), tie.names)
-    if nothing_confirms(selection, far, settings):
-        return not_confirmed(selection, first, runner_ups)
     return Decision("effect", (*reasons, *_why_named(selection, first, runner_ups, far)))
 
 

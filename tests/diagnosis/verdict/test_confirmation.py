@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pytest
@@ -14,13 +14,14 @@ from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.diagnosis.diagnose import diagnose
 from samrl_core.diagnosis.recordings.held_out import split
 from samrl_core.diagnosis.result import HeldOutGap
+from samrl_core.diagnosis.selection.hypothesis import Fit
 from samrl_core.diagnosis.verdict.confirmation import nothing_confirms
 from samrl_core.diagnosis.verdict.decision import VerdictSettings
 from samrl_core.diagnosis.verdict.how_far import HowFar
 from tests.diagnosis.verdict.test_foretelling import chosen_from
 
 if TYPE_CHECKING:
-    from samrl_core.diagnosis.selection.hypothesis import Fit
+    from samrl_core.diagnosis.residuals.likelihood import Likelihood
 
 RATE_HZ, SECONDS, STEP_S, NOISE_RAD, CORNER_RAD_S = 200.0, 3.0, 0.25, 2e-3, 4.0
 
@@ -67,13 +68,23 @@ def test_a_step_that_is_over_where_the_cut_is_names_nothing_for_sure(
         ({"shrink": 0.2}, False),  # it does show, in motion
         ({"shrink": None}, False),  # nothing is held out
         ({"by_chance": True}, False),  # need not strike again
+        ({"second": 0.2}, False),  # two fitted recordings confirm each other
+        ({"second": 0.001}, True),
     ],
-    ids=["nothing", "residual", "motion", "none held out", "chance"],
+    ids=["nothing", "residual", "motion", "none held out", "chance", "two fitted", "hardly two"],
 )
 def test_what_could_show_somewhere_is_confirmed_or_denied_there(changes: dict, open_: bool) -> None:
-    given = {"expected": 0.5, "shrink": 0.0, "by_chance": False, **changes}
+    given = {"expected": 0.5, "shrink": 0.0, "by_chance": False, "second": 0.0, **changes}
     effect = SimpleNamespace(by_chance=given["by_chance"])
-    one = cast("Fit", SimpleNamespace(hypotheses=(SimpleNamespace(effect=effect),), log_evidence=900.0))
+    law = cast("Any", SimpleNamespace(effect=effect, regressors=None))
+    one = Fit((law,), (np.ones(1),), np.eye(1), 900.0)
+    shown = np.repeat([4.0, 4.0 * given["second"] ** 0.5], 200)  # by each of two recordings
+    fitted = SimpleNamespace(
+        y=np.zeros(400), trials=(None, None), tolerated=lambda y, k: 0.0 * y,
+        prediction=lambda regressors, amplitudes: shown,
+        blocks={(r, "tracking", 0): slice(200 * r, 200 * (r + 1)) for r in (0, 1)},
+    )  # fmt: skip
     gap = HeldOutGap("", "1", 0.3, 0.3, None, None, given["shrink"], (0.0, 0.0), None, (), ())
     selection = replace(chosen_from([one]), rivals=(), held_out_expected=given["expected"])
-    assert nothing_confirms(selection, HowFar(gap, ()), VerdictSettings()) is open_
+    found = nothing_confirms(cast("Likelihood", fitted), selection, HowFar(gap, ()), VerdictSettings())
+    assert found is open_

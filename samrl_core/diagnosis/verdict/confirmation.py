@@ -7,23 +7,24 @@ from collections.abc import Sequence
 import numpy as np
 
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
-from samrl_core.diagnosis.result import NamedEffect
+from samrl_core.diagnosis.result import HeldOutGap, NamedEffect
 from samrl_core.diagnosis.selection.hypothesis import Fit
 from samrl_core.diagnosis.selection.selection import Selection
 from samrl_core.diagnosis.verdict.decision import Decision, VerdictSettings
 from samrl_core.diagnosis.verdict.how_far import HowFar
 
-SOME = 0.01  # of what the recording that shows most is worth
+SOME = 0.05  # of what the largest event is worth: a filter rings beside it
+NEAR = 0.5  # of its evidence, from which on a rival explains nearly as much
 MOST_OPEN = 2  # effects beside what is named, that are told where no recording confirms it
 
 
 def nothing_confirms(
     fitted: Likelihood, selection: Selection, far: HowFar, settings: VerdictSettings
 ) -> bool:
-    """Whether one fitted recording alone shows what was chosen, and no held-out one could.
+    """Whether what was chosen shows in one event of the fitted recordings, and in none of the held-out ones.
 
     A step that is over before the held-out part begins, say: the gap there neither shrinks nor grows,
-    whatever is named. Several fitted recordings confirm each other: the effect's sizes in them are compared.
+    whatever is named. Several events confirm each other: the effect's sizes in them are compared.
     """
     gap, chosen = far.gap, selection.chosen
     if gap is None or gap.shrink is None or chosen is None:
@@ -31,21 +32,47 @@ def nothing_confirms(
     if any(h.effect.by_chance for h in chosen.hypotheses):
         return False
     could = selection.held_out_expected >= settings.excited * chosen.log_evidence
-    if could or abs(gap.shrink) >= settings.noticed:
+    if could or abs(gap.shrink) >= settings.noticed or _is_told_from_rival(selection, chosen, gap, settings):
         return False
-    return len(find_showing(fitted, chosen, selection.correlation_time, settings.shown)) < 2
+    return count_events(fitted, chosen, selection.correlation_time, settings.shown) < 2
 
 
-def find_showing(fitted: Likelihood, chosen: Fit, correlation: float, least: float) -> list[int]:
-    """Fitted recordings in which a set is worth so much log likelihood [nat], and some of the most."""
+def _is_told_from_rival(
+    selection: Selection, chosen: Fit, gap: HeldOutGap, settings: VerdictSettings
+) -> bool:
+    """Whether held-out recordings refute who else explains the fitted ones nearly as well.
+
+    A limit of the torque that is not reached there is right; a limit of its rate would be seen.
+    """
+    near = (r for r in selection.rivals if r.log_evidence >= NEAR * chosen.log_evidence)
+    names = {r.hypotheses[0].name for r in near}
+    return gap.runner_up_effect in names and gap.margin is not None and gap.margin >= settings.closer
+
+
+def count_events(fitted: Likelihood, chosen: Fit, correlation: float, least: float) -> int:
+    """Stretches of one sign that a set predicts in a joint's channel, each worth so much and not little.
+
+    Of the joint and channel that has most of them in each recording: all may answer one motion.
+
+    Args:
+        fitted: of the fitted recordings.
+        chosen: the set.
+        correlation: samples that count as one.
+        least: log likelihood [nat] that an event must be worth.
+    """
     prediction = np.zeros(len(fitted.y))
     for h, amplitudes in zip(chosen.hypotheses, chosen.amplitudes, strict=True):
         prediction += fitted.prediction(h.regressors, amplitudes)
     weighed = prediction * (prediction - fitted.tolerated(prediction, correlation)) / (2.0 * correlation)
-    worth = np.zeros(len(fitted.trials))
-    for (recording, _, _), part in fitted.blocks.items():
-        worth[recording] += np.sum(weighed[part])
-    return np.flatnonzero(worth >= max(least, SOME * float(np.max(worth)))).tolist()
+    worth = {}
+    for block, part in fitted.blocks.items():
+        turns = np.flatnonzero(np.diff(np.signbit(prediction[part]))) + 1
+        worth[block] = np.array([np.sum(piece) for piece in np.split(weighed[part], turns)])
+    enough = max(least, SOME * max((float(np.max(w)) for w in worth.values()), default=0.0))
+    most = np.zeros(len(fitted.trials), dtype=int)
+    for (recording, _, _), pieces in worth.items():
+        most[recording] = max(most[recording], np.count_nonzero(pieces >= enough))
+    return int(np.sum(most))
 
 
 def not_confirmed(selection: Selection, first: NamedEffect, runner_ups: Sequence[NamedEffect]) -> Decision:

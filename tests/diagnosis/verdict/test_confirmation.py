@@ -68,23 +68,42 @@ def test_a_step_that_is_over_where_the_cut_is_names_nothing_for_sure(
         ({"shrink": 0.2}, False),  # it does show, in motion
         ({"shrink": None}, False),  # nothing is held out
         ({"by_chance": True}, False),  # need not strike again
-        ({"second": 0.2}, False),  # two fitted recordings confirm each other
-        ({"second": 0.001}, True),
+        ({"second": 1.0}, False),  # a second recording, or
+        ({"second": -1.0, "blocks": 1}, False),  # the way back, confirms the first event
+        ({"second": 1.0, "blocks": 1}, True),
+        ({"second": -0.1}, True),
+        ({"rival": 800.0}, False),  # a rival that they refute
+        ({"rival": 100.0}, True),  # whom the fitted recordings do already
     ],
-    ids=["nothing", "residual", "motion", "none held out", "chance", "two fitted", "hardly two"],
+    ids=[
+        "nothing",
+        "residual",
+        "motion",
+        "none held out",
+        "chance",
+        "two recordings",
+        "back again",
+        "one event",
+        "hardly two",
+        "refuted rival",
+        "far rival",
+    ],
 )
 def test_what_could_show_somewhere_is_confirmed_or_denied_there(changes: dict, open_: bool) -> None:
-    given = {"expected": 0.5, "shrink": 0.0, "by_chance": False, "second": 0.0, **changes}
+    given = {"expected": 0.5, "shrink": 0.0, "by_chance": False, "second": 0.0, "blocks": 2, "rival": 0.0}
+    given |= changes
     effect = SimpleNamespace(by_chance=given["by_chance"])
     law = cast("Any", SimpleNamespace(effect=effect, regressors=None))
     one = Fit((law,), (np.ones(1),), np.eye(1), 900.0)
-    shown = np.repeat([4.0, 4.0 * given["second"] ** 0.5], 200)  # by each of two recordings
+    shown = np.repeat([4.0, 4.0 * given["second"]], 200)
+    size = 400 // given["blocks"]  # samples of each recording
     fitted = SimpleNamespace(
         y=np.zeros(400), trials=(None, None), tolerated=lambda y, k: 0.0 * y,
         prediction=lambda regressors, amplitudes: shown,
-        blocks={(r, "tracking", 0): slice(200 * r, 200 * (r + 1)) for r in (0, 1)},
+        blocks={(r, "tracking", 0): slice(size * r, size * (r + 1)) for r in range(given["blocks"])},
     )  # fmt: skip
-    gap = HeldOutGap("", "1", 0.3, 0.3, None, None, given["shrink"], (0.0, 0.0), None, (), ())
-    selection = replace(chosen_from([one]), rivals=(), held_out_expected=given["expected"])
+    other = replace(one, hypotheses=(cast("Any", SimpleNamespace(name="b")),), log_evidence=given["rival"])
+    gap = HeldOutGap("", "1", 0.3, 0.3, 0.6, "b", given["shrink"], (0.0, 0.0), 1.0, (), ())
+    selection = replace(chosen_from([one]), rivals=(other,), held_out_expected=given["expected"])
     found = nothing_confirms(cast("Likelihood", fitted), selection, HowFar(gap, ()), VerdictSettings())
     assert found is open_

@@ -123,18 +123,7 @@ class Arms(Kind[ArmRecording]):
 
     def notes(self, trials: Sequence[Observed]) -> list[str]:
         first = as_arms(trials)[0]
-        controller, command = first.recording.arm.controller, first.recording.command
-        if controller is None or command is None or command.position is None or not first.motion.computed:
-            return []
-        spacing = float(np.median(np.diff(command.time)))
-        if controller.between_commands == HELD or spacing < GOALS_APART * controller.period_s:
-            return []
-        return [
-            f"a goal comes every {1e3 * spacing:.3g} ms, and the controller is taken to follow a line between"
-            " two. If it keeps each until the next one, state `between_commands: held` in a mapping's"
-            " controller (`samrl bag draft` writes a mapping): what is held looks like"
-            f" {500 * spacing:.3g} ms of delay"
-        ]
+        return [*_filter_notes(first), *_goal_notes(first)]
 
     def misdescription(self, trials: Sequence[Observed]) -> Misdescription | None:
         return misdescription(as_arms(trials))
@@ -153,6 +142,33 @@ class Arms(Kind[ArmRecording]):
 
     def finish(self, diagnosis: Diagnosis, trial: Observed) -> Diagnosis:
         return with_joint_units(diagnosis, as_arms([trial])[0].recording.arm)
+
+
+def _filter_notes(first: Trial) -> list[str]:
+    """Of torques that a driver filtered."""
+    told = (("joints' torque sensors", first.effort_lag), ("torque that the drives report", first.torque_lag))
+    return [
+        f"the noise of the {what} is that behind a low-pass of about {1e3 * lag:.0f} ms: it is taken to be as"
+        " large as it is where motions are, and the torque may be as late as that"
+        for what, lag in told
+        if lag > 0.0
+    ]
+
+
+def _goal_notes(first: Trial) -> list[str]:
+    """Of what happens between two goals."""
+    controller, command = first.recording.arm.controller, first.recording.command
+    if controller is None or command is None or command.position is None or not first.motion.computed:
+        return []
+    spacing = float(np.median(np.diff(command.time)))
+    if controller.between_commands == HELD or spacing < GOALS_APART * controller.period_s:
+        return []
+    return [
+        f"a goal comes every {1e3 * spacing:.3g} ms, and the controller is taken to follow a line between"
+        " two. If it keeps each until the next one, state `between_commands: held` in a mapping's"
+        " controller (`samrl bag draft` writes a mapping): what is held looks like"
+        f" {500 * spacing:.3g} ms of delay"
+    ]
 
 
 def log_rate(recording: ArmRecording) -> float:

@@ -15,6 +15,7 @@ import numpy as np
 from samrl_core.cell.types.arm_description import HELD, ArmController
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.diagnosis.residuals.control_law import LawTerms, held_values, law_terms
+from samrl_core.diagnosis.residuals.low_pass import find_low_pass
 from samrl_core.diagnosis.residuals.sample_times import SampleTimes, sample_times
 from samrl_core.diagnosis.residuals.signal_band import SignalBand, held_on_grid, nearest, onto_grid
 from samrl_core.diagnosis.residuals.signal_noise import (
@@ -316,18 +317,21 @@ class RecordedMotion(SignalBand):
 
     @cached_property
     def noise(self) -> Noise:
-        """White noise levels of the raw channels."""
-        position, *others = (
+        """White noise levels of the raw channels, behind drivers' filters as it is within the band."""
+        position, velocity, effort, sent = (
             np.zeros(self.joints) if x is None else white_noise(x, self.rate)
             for x in (self.raw_position, self.raw_velocity, self.raw_effort, self.raw_commanded)
         )
+        sensor = find_low_pass(self.raw_effort, self.rate, self.band)
+        drive = find_low_pass(None if self.computed else self.given, self.rate, self.band)
+        effort, sent = effort * sensor.raised(self.band), sent * drive.raised(self.band)
         # While a coarse encoder rests it is silent: rests must not speak for the motion.
         position = np.maximum(position, self.reading_step / np.sqrt(12.0))
         if self.computed and self.controller is not None:
             assert self.given is not None
             # Before it is held: the mean of two samples is half as noisy where white noise is looked for.
-            others[-1] = np.maximum(white_noise(self.given, self.rate), self.controller.stiffness * position)
-        return Noise(position, *others)
+            sent = np.maximum(white_noise(self.given, self.rate), self.controller.stiffness * position)
+        return Noise(position, velocity, effort, sent, sensor, drive)
 
     @cached_property
     def sure_acceleration(self) -> np.ndarray:

@@ -144,6 +144,7 @@ def _bodies(trial: Trial, tolerances: Tolerances) -> list[tuple[Columns, float]]
 def _stamps(trial: Trial, tolerances: Tolerances) -> list[tuple[Columns, float]]:
     """Channels that are stamped early or late against one another, within half a sample or the tolerance.
 
+    Or by as much as a driver's filter before a torque is late, where its noise shows one.
     Of what stands out of noise: a controller makes torque of the noise that it reads, and that noise,
     differenced, is in the residual as well. A shift would seem to explain it, and effects would have to undo
     the shift.
@@ -154,7 +155,7 @@ def _stamps(trial: Trial, tolerances: Tolerances) -> list[tuple[Columns, float]]
     if motion.u is not None and motion.tau is not None:
         sent = motion.reduce(_sent(motion))
         columns = {("drive", j): motion.derivative(sent[:, j])[None] for j in range(trial.joints)}
-        out.append((columns, stamp))
+        out.append((columns, float(np.linalg.norm([stamp, trial.effort_lag, trial.torque_lag]))))
         if np.any(trial.rotor > 0):
             # States that are stamped half a period early or late move the rotor's share of the torque.
             jerk = motion.derivative(trial.rotor * motion.sure_ddq)
@@ -162,9 +163,9 @@ def _stamps(trial: Trial, tolerances: Tolerances) -> list[tuple[Columns, float]]
     channel = "link" if "link" in trial.channels else "dynamics"
     if channel in trial.channels:
         torque = motion.reduce(_sent(motion) if motion.tau is None else motion.sure_effort)
-        out.append(
-            ({(channel, j): motion.derivative(torque[:, j])[None] for j in range(trial.joints)}, stamp)
-        )
+        columns = {(channel, j): motion.derivative(torque[:, j])[None] for j in range(trial.joints)}
+        lag = trial.torque_lag if motion.tau is None else trial.effort_lag
+        out.append((columns, float(np.hypot(stamp, lag))))
     if trial.shows_controller and motion.command is not None:
         controller, command = trial.recording.arm.controller, motion.command
         assert controller is not None and command.position is not None and command.velocity is not None
@@ -175,6 +176,10 @@ def _stamps(trial: Trial, tolerances: Tolerances) -> list[tuple[Columns, float]]
         # Through the law, as a delay would pass: a pole's torque or a dead band is no straight spring.
         rate = motion.law_change(JointSignal(command.time, late[0], late[1], None, late[2])) / stamp
         out.append((add(*(trial.controller(j, rate[None, :, j]) for j in range(trial.joints))), stamp))
+        if trial.torque_lag > 0.0:
+            grows = np.gradient(motion.smooth(motion.sure_torque), 1.0 / motion.rate, axis=0)
+            columns = add(*(trial.controller(j, grows[None, :, j]) for j in range(trial.joints)))
+            out.append((columns, trial.torque_lag))
         law = motion.described_law
         for part in (law.spring, law.punch, law.damper):
             if motion.computed:

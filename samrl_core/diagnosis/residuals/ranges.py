@@ -13,13 +13,15 @@ from samrl_core.diagnosis.residuals.motion import RecordedMotion
 
 @dataclass(frozen=True, eq=False)
 class ArmRanges:
-    """Of each joint, (J,)."""
+    """Of each joint, (J,), and of their driver."""
 
     effort: np.ndarray  # [N m] limit, or the largest that was seen where none is stated
     speed: np.ndarray  # [rad/s] likewise, 1 at least where none is stated
     fastest: np.ndarray  # [rad/s] that a hundredth of the samples exceed, where it is highest
     strongest: np.ndarray  # [N m] commanded; 1 where none is known
     travel: np.ndarray  # [rad] over which it was seen
+    effort_lag: float  # [s] of the joints' torque sensors behind a driver's filter; 0 where none shows
+    torque_lag: float  # [s] the same of the torque that the drives report
 
 
 def find_ranges(motions: Sequence[RecordedMotion]) -> ArmRanges:
@@ -34,4 +36,6 @@ def find_ranges(motions: Sequence[RecordedMotion]) -> ArmRanges:
         fastest=np.max([np.quantile(np.abs(m.sure_velocity), 0.99, axis=0) for m in motions], axis=0),
         strongest=np.max(efforts, axis=0),
         travel=np.max(highest, axis=0) - np.min(lowest, axis=0),
+        effort_lag=max(m.noise.effort_filter.lag_s for m in motions),
+        torque_lag=max(m.noise.torque_filter.lag_s for m in motions),
     )

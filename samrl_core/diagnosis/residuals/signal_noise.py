@@ -9,6 +9,7 @@ from scipy import ndimage, signal
 from scipy.interpolate import make_interp_spline
 
 from samrl_core.cell.types.arm_recording import JointSignal
+from samrl_core.diagnosis.residuals.low_pass import LowPass
 
 DIFFERENCED = 1e-6  # of the largest velocity: rounding of what is the same
 SURE_SPAN_S = 2.0  # of the spectra that tell a motion from noise
@@ -23,12 +24,17 @@ STANDS_OUT = 6.0  # times the power of noise: chance does not reach it in a spec
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """White noise of the raw channels at full rate, from their content above the moving band; each (J,)."""
+    """White noise of the raw channels at full rate, from their content above the moving band; each (J,).
+
+    Of a torque that a driver filtered, it is the white noise that is as large within the band.
+    """
 
     position: np.ndarray
     velocity: np.ndarray
     effort: np.ndarray
     commanded_effort: np.ndarray
+    effort_filter: LowPass  # before the joints' torque sensors
+    torque_filter: LowPass  # before the torque that the drives report
 
 
 @dataclass(frozen=True, eq=False)

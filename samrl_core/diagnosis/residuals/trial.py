@@ -62,6 +62,7 @@ class Trial(Observed):
         ranges = find_ranges([trial.motion for trial in fitted])
         self.scale, self.speed_scale = ranges.effort, ranges.speed
         self.fastest, self.strongest, self.travel = ranges.fastest, ranges.strongest, ranges.travel
+        self.effort_lag, self.torque_lag = ranges.effort_lag, ranges.torque_lag
 
     # -- what any recording tells ----------------------------------------------------------------------
 

@@ -149,7 +149,8 @@ def form_equations(motion: RecordedMotion) -> Equations:
         law, lag, raw = _controller_residual(motion)
         residual["controller"] = motion.reduce(raw)
         rounded = rounding_noise(motion, raw)
-        detail = sample_detail(raw) * motion.noise.torque_filter.raised_detail(motion.band)
+        behind = motion.noise.torque_filter
+        detail = behind.noise(raw) if behind.form else sample_detail(raw)
         level = np.hypot(share * np.maximum(detail, rounded), floor)
         assert arm.controller is not None
         if motion.raw_velocity is None:  # what multiplies differences of noisy positions

@@ -7,6 +7,7 @@ smaller than it is, and all that lies in it like a cause.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,73 +16,113 @@ from scipy import signal
 BLOCK = 128  # samples of a spectrum; what happens in fewer than half of the blocks is not in their median
 LEAST_BLOCKS = 8
 ABOVE = 1.5  # times the band, from where on there is noise and no motion
-LOWEST, HIGHEST = 0.1, 0.49  # of the rate: frequencies that are compared
+LOWEST = 0.1  # of the rate: frequencies that are compared, up to
+HIGHEST = 0.35  # beyond which what a driver's own sampling folded back matters
 LEAST_BINS = 12  # frequencies, to tell a slope
-POLES = np.concatenate([[0.0], np.linspace(0.3, 0.98, 69)])
+CORNERS = np.geomspace(0.2, 0.004, 80)  # of a filter, as shares of the rate
 EXPLAINED = 0.25  # of the variance of the logarithm of the spectrum that a filter may leave
-FITS = 0.1  # of it in all: another spectrum is not a first-order filter's
+FITS = 0.1  # of it in all: another spectrum is not such a filter's
 UNSURE = 4.0  # of the misfit's fall in chi-square, within which a weaker filter may be the true one
+
+
+Gain = Callable[[np.ndarray, np.ndarray], np.ndarray]  # corners (K, 1), shares of the rate (n,) -> power
+
+
+@dataclass(frozen=True)
+class Form:
+    """A kind of filter: how it delays what is slow, times 2 pi its corner, and what power it leaves."""
+
+    delay: float
+    gain: Gain
+
+
+def _one_pole(corner: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """y[k] = pole y[k-1] + (1 - pole) x[k]."""
+    pole = np.exp(-2.0 * np.pi * corner)
+    return (1.0 - pole) ** 2 / (1.0 + pole**2 - 2.0 * pole * np.cos(2.0 * np.pi * share))
+
+
+def _bilinear(order: int) -> Gain:
+    """Butterworth's at the log's own rate."""
+    return lambda corner, share: 1.0 / (1.0 + (np.tan(np.pi * share) / np.tan(np.pi * corner)) ** (2 * order))
+
+
+def _faster(order: int) -> Gain:
+    """Butterworth's in a driver that is much faster than the log."""
+    return lambda corner, share: 1.0 / (1.0 + (share / corner) ** (2 * order))
+
+
+SECOND = float(np.sqrt(2.0))  # delay of Butterworth's second order
+FORMS = (
+    Form(1.0, _one_pole),
+    Form(1.0, _bilinear(1)),
+    Form(SECOND, _bilinear(2)),
+    Form(SECOND, _faster(2)),
+)
 
 
 @dataclass(frozen=True)
 class LowPass:
-    """y[k] = pole y[k-1] + (1 - pole) x[k] at a rate [Hz]; the least that noise speaks for; 0: none."""
+    """A low-pass of a log, the weakest that noise speaks for.
 
-    pole: float
+    Attributes:
+        form: None: there is no filter.
+        corner: frequency of half the power, as a share of the rate.
+        rate: of the log [Hz].
+        band: up to which motions are compared [Hz].
+    """
+
+    form: Form | None
+    corner: float
     rate: float
+    band: float
 
     @property
     def lag_s(self) -> float:
         """By how much it delays what is slow [s]."""
-        return self.pole / (1.0 - self.pole) / self.rate
+        return 0.0 if self.form is None else self.form.delay / (2.0 * np.pi * self.corner * self.rate)
 
-    def raised(self, band: float) -> float:
-        """Factor from the noise that `white_noise` sees to white noise of as much power below `band` [Hz]."""
-        return float(np.sqrt(self._mean(0.0, band) / np.exp(np.mean(np.log(self._power(*self._upper))))))
-
-    def raised_detail(self, band: float) -> float:
-        """The same from what `sample_detail` sees."""
-        turn = np.linspace(0.0, np.pi, 512)
-        seen = np.mean(self._power(0.0, 0.5 * self.rate) * (2.0 - 2.0 * np.cos(turn)) ** 2) / 6.0
-        return float(np.sqrt(self._mean(0.0, band) / seen))
-
-    @property
-    def _upper(self) -> tuple[float, float]:
-        return 0.25 * self.rate, 0.5 * self.rate
-
-    def _mean(self, low: float, high: float) -> float:
-        return float(np.mean(self._power(low, high)))
-
-    def _power(self, low: float, high: float) -> np.ndarray:
-        return spectrum(np.array(self.pole), np.linspace(low, high, 512) / self.rate)
-
-
-def spectrum(pole: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Power of white noise of unit variance behind that low-pass, at shares of the rate."""
-    return (1.0 - pole) ** 2 / (1.0 + pole**2 - 2.0 * pole * np.cos(2.0 * np.pi * share))
+    def noise(self, x: np.ndarray) -> np.ndarray:
+        """Deviation (J,) of white noise that has as much power within the band as that of readings (F, J)."""
+        assert self.form is not None
+        share, power = _spectra(x, self.rate, self.band)
+        corner = np.array([[self.corner]])
+        behind = np.log(self.form.gain(corner, share)[0])
+        level = np.exp(np.mean(np.log(np.maximum(power, 1e-300)) - behind[:, None], axis=0))
+        level *= np.mean(self.form.gain(corner, np.linspace(0.0, self.band / self.rate, 64)))
+        return np.asarray(np.sqrt(level * self.rate / 2.0))
 
 
 def find_low_pass(x: np.ndarray | None, rate: float, band: float) -> LowPass:
     """The filter behind which readings (F, J) were taken, by their noise above `band` [Hz].
 
-    The spectrum's logarithm against a first-order filter's, each joint with a level of its own. It is a
-    median over short blocks: steps of reversals have spectra of that kind too, and must not count.
+    The spectrum's logarithm against a filter's, each joint with a level of its own. It is a median over short
+    blocks: steps of reversals have spectra of that kind too, and must not count.
     """
-    none = LowPass(0.0, rate)
+    none = LowPass(None, 0.0, rate, band)
     if x is None or len(x) < LEAST_BLOCKS * BLOCK:
         return none
+    share, power = _spectra(x, rate, band)
+    tells = np.min(power, axis=0, initial=np.inf) > 0.0
+    if len(share) < LEAST_BINS or not tells.any():
+        return none
+    seen = np.log(power[:, tells])
+    white = float(np.mean((seen - seen.mean(axis=0)) ** 2))
+    fits = []
+    for form in FORMS:
+        off = seen - np.log(form.gain(CORNERS[:, None], share))[:, :, None]
+        fits.append(np.mean((off - off.mean(axis=1, keepdims=True)) ** 2, axis=(1, 2)))
+    form, misfit = min(zip(FORMS, fits, strict=True), key=lambda fit: float(fit[1].min()))
+    best = float(misfit.min())
+    if best > FITS or best > EXPLAINED * white:
+        return none
+    weakest = CORNERS[misfit < best * (1.0 + UNSURE / seen.size)][0]
+    return LowPass(form, float(weakest), rate, band)
+
+
+def _spectra(x: np.ndarray, rate: float, band: float) -> tuple[np.ndarray, np.ndarray]:
+    """Shares (bins,) of the rate where there is noise alone, and its power (bins, J) per hertz."""
     frequency, power = signal.welch(x, fs=rate, nperseg=BLOCK, axis=0, detrend="linear", average="median")
     share = frequency / rate
     noise = (share > max(ABOVE * band / rate, LOWEST)) & (share < HIGHEST)
-    tells = np.min(power[noise], axis=0, initial=np.inf) > 0.0
-    if noise.sum() < LEAST_BINS or not tells.any():
-        return none
-    seen = np.log(power[noise][:, tells])
-    expected = np.log(spectrum(POLES[:, None], share[noise]))
-    off = seen - expected[:, :, None]
-    misfit = np.mean((off - off.mean(axis=1, keepdims=True)) ** 2, axis=(1, 2))
-    best = float(misfit.min())
-    if best > FITS or best > EXPLAINED * misfit[0]:
-        return none
-    weakest = POLES[misfit < best * (1.0 + UNSURE / seen.size)][0]
-    return LowPass(float(weakest), rate)
+    return share[noise], power[noise]

@@ -324,7 +324,10 @@ class RecordedMotion(SignalBand):
         )
         sensor = find_low_pass(self.raw_effort, self.rate, self.band)
         drive = find_low_pass(None if self.computed else self.given, self.rate, self.band)
-        effort, sent = effort * sensor.raised(self.band), sent * drive.raised(self.band)
+        if self.raw_effort is not None and sensor.form:
+            effort = sensor.noise(self.raw_effort)
+        if self.raw_commanded is not None and drive.form:
+            sent = drive.noise(self.raw_commanded)
         # While a coarse encoder rests it is silent: rests must not speak for the motion.
         position = np.maximum(position, self.reading_step / np.sqrt(12.0))
         if self.computed and self.controller is not None:

@@ -116,8 +116,10 @@ def find_low_pass(x: np.ndarray | None, rate: float, band: float) -> LowPass:
     best = float(misfit.min())
     if best > FITS or best > EXPLAINED * white:
         return none
-    weakest = CORNERS[misfit < best * (1.0 + UNSURE / seen.size)][0]
-    return LowPass(form, float(weakest), rate, band)
+    weakest = float(CORNERS[misfit < best * (1.0 + UNSURE / seen.size)][0])
+    if weakest * rate < band:
+        return none  # a motion that reverses all the time: no driver hides what an arm does
+    return LowPass(form, weakest, rate, band)
 
 
 def _spectra(x: np.ndarray, rate: float, band: float) -> tuple[np.ndarray, np.ndarray]:

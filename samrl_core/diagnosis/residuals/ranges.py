@@ -36,6 +36,6 @@ def find_ranges(motions: Sequence[RecordedMotion]) -> ArmRanges:
         fastest=np.max([np.quantile(np.abs(m.sure_velocity), 0.99, axis=0) for m in motions], axis=0),
         strongest=np.max(efforts, axis=0),
         travel=np.max(highest, axis=0) - np.min(lowest, axis=0),
-        effort_lag=max(m.noise.effort_filter.lag_s for m in motions),
-        torque_lag=max(m.noise.torque_filter.lag_s for m in motions),
+        effort_lag=float(np.median([m.noise.effort_filter.lag_s for m in motions])),
+        torque_lag=float(np.median([m.noise.torque_filter.lag_s for m in motions])),
     )

@@ -16,7 +16,7 @@ from scipy import signal
 BLOCK = 128  # samples of a spectrum; what happens in fewer than half of the blocks is not in their median
 LEAST_BLOCKS = 8
 ABOVE = 1.5  # times the band, from where on there is noise and no motion
-LOWEST = 0.1  # of the rate: frequencies that are compared, up to
+LOWEST = 0.04  # of the rate: frequencies that are compared, up to
 HIGHEST = 0.35  # beyond which what a driver's own sampling folded back matters
 LEAST_BINS = 12  # frequencies, to tell a slope
 CORNERS = np.geomspace(0.2, 0.004, 80)  # of a filter, as shares of the rate

@@ -21,7 +21,7 @@ HIGHEST = 0.35  # beyond which what a driver's own sampling folded back matters
 LEAST_BINS = 12  # frequencies, to tell a slope
 CORNERS = np.geomspace(0.2, 0.004, 80)  # of a filter, as shares of the rate
 EXPLAINED = 0.25  # of the variance of the logarithm of the spectrum that a filter may leave
-FITS = 0.1  # of it in all: another spectrum is not such a filter's
+FITS = 0.05  # of it in all: another spectrum is not such a filter's
 UNSURE = 4.0  # of the misfit's fall in chi-square, within which a weaker filter may be the true one
 
 

@@ -19,6 +19,7 @@ from samrl_core.diagnosis.kinds.kind import Kind
 from samrl_core.diagnosis.recordings import split
 from samrl_core.diagnosis.recordings.in_common import in_common
 from samrl_core.diagnosis.recordings.velocity_lag import set_apart
+from samrl_core.diagnosis.residuals.control_law import infers_speed
 from samrl_core.diagnosis.residuals.law_velocity import with_law_velocity
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
@@ -123,7 +124,7 @@ class Arms(Kind[ArmRecording]):
 
     def notes(self, trials: Sequence[Observed]) -> list[str]:
         first = as_arms(trials)[0]
-        return [*_filter_notes(first), *_goal_notes(first)]
+        return [*_filter_notes(first), *_speed_notes(first), *_goal_notes(first)]
 
     def misdescription(self, trials: Sequence[Observed]) -> Misdescription | None:
         return misdescription(as_arms(trials))
@@ -152,6 +153,17 @@ def _filter_notes(first: Trial) -> list[str]:
         " large as it is where motions are, and the torque may be as late as that"
         for what, lag in told
         if lag > 0.0
+    ]
+
+
+def _speed_notes(first: Trial) -> list[str]:
+    """Of a commanded speed that nobody recorded."""
+    if not infers_speed(first.recording):
+        return []
+    return [
+        "the law feeds the commanded velocity forward, and the command holds none: it is taken as the"
+        " derivative of the commanded position; if the controller feeds none either, state"
+        " `velocity_feedforward: 0`"
     ]
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from samrl_core.cell.types.arm_description import HELD, ArmController
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
-from samrl_core.diagnosis.residuals.control_law import LawTerms, held_values, law_terms
+from samrl_core.diagnosis.residuals.control_law import LawTerms, held_values, infers_speed, law_terms
 from samrl_core.diagnosis.residuals.low_pass import find_low_pass
 from samrl_core.diagnosis.residuals.sample_times import SampleTimes, sample_times
 from samrl_core.diagnosis.residuals.signal_band import SignalBand, held_on_grid, nearest, onto_grid
@@ -119,9 +119,10 @@ class RecordedMotion(SignalBand):
         if command is None or len(command) < 2:
             return None
         speed = command.velocity
-        if speed is not None and without_differences(command).velocity is None:
+        somebodys = speed is not None and without_differences(command).velocity is None
+        if somebodys or infers_speed(self.recording):
             assert command.position is not None
-            # Somebody's differences over jittered stamps: off by as much as those steps are.
+            # Differences over jittered stamps are off by as much as those steps are.
             speed = np.gradient(command.position, self._times(command.time, command.position).time, axis=0)
         position, velocity, effort = (
             self._tracked(command.time, x) for x in (command.position, speed, command.effort)

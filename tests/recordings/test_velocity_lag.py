@@ -42,6 +42,14 @@ def test_a_tachometer_and_a_simulation_are_not_late() -> None:
     assert not is_filtered(log(500.0, behind))
 
 
+def test_a_period_of_a_fast_loop_is_no_filter() -> None:
+    """The EMPS slide's velocity is 1.0006 ms behind its positions, a period of its log: no low-pass."""
+    true = np.gradient(MOTION, 1.0 / FINE_HZ, axis=0)
+    made = log(1000.0, np.roll(true, 4, axis=0))
+    assert velocity_lag(made) == pytest.approx(0.001, rel=0.02)
+    assert not is_filtered(made)
+
+
 def test_differences_of_the_log_are_no_filter() -> None:
     """They look back by half a period: nothing is gained by differences anew."""
     made = log(250.0, np.zeros_like(MOTION))

@@ -20,7 +20,7 @@ COMPARED_HZ = 10.0  # content of motions, in which a low-pass is a delay
 RATES = 8.0  # of a log, to the highest frequency that is compared
 BLOCKS = 10  # stretches of a recording, each with a lag of its own
 SURE = 5.0  # standard errors beyond zero
-LEAST_S = 1e-3  # no filter is faster; a simulation's velocity is half a step behind
+LEAST_S = 1.25e-3  # a filter of 127 Hz; differences of a 1 kHz loop are behind by a period of it at most
 LEAST_PERIODS = 0.6  # of the log: a difference that looks back is half a period behind
 
 

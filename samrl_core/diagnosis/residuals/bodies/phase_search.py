@@ -70,7 +70,9 @@ def find_phases(time: np.ndarray, height: np.ndarray, gravity: float) -> list[Mo
 
 def _rises(time: np.ndarray, flight: MotionPhase, gravity: float, noise: float) -> bool:
     """Whether a flight lasts long enough to rise out of the noise."""
-    return gravity * float(time[flight.end - 1] - time[flight.begin]) ** 2 / 8.0 > RISES * noise
+    lasts = float(time[flight.end - 1] - time[flight.begin])
+    # A float's power raises where it is too large, its product is infinite: stamps may be anything.
+    return gravity * lasts * lasts / 8.0 > RISES * noise
 
 
 def _partition(time: np.ndarray, y: np.ndarray, gravity: float, climb: float) -> list[MotionPhase]:

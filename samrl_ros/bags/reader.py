@@ -187,6 +187,28 @@ class Bag:
         return RawMessage(topic, types[topic], entry.log_time_ns, entry.publish_time_ns, entry.data)
 
 
+class BagDecoder:
+    """Makes objects of the raw messages that a reader picks; a topic's decoder is made when it is needed.
+
+    The last message is kept, for several who look at one.
+    """
+
+    def __init__(self, bag: Bag) -> None:
+        self._bag = bag
+        self._decoders: dict[str, Decoder] = {}
+        self._last: tuple[RawMessage, Any] | None = None
+
+    def __call__(self, raw: RawMessage) -> Any:
+        """The object of one message of the bag. Raises `InputError` if schema or message is broken."""
+        if self._last is not None and self._last[0] is raw:
+            return self._last[1]
+        if raw.topic not in self._decoders:
+            self._decoders[raw.topic] = self._bag.decoder(raw.topic)
+        message = decode(self._decoders[raw.topic], raw.topic, raw.log_time_ns, raw.data)
+        self._last = (raw, message)
+        return message
+
+
 def open_bag(path: Path | str, verify: bool = False, ignore_metadata: bool = False) -> Bag:
     """Open a bag folder (with or without metadata.yaml) or a single .mcap file.
 

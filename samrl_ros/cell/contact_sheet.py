@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import matplotlib
 import numpy as np
@@ -13,7 +12,8 @@ from matplotlib import pyplot as plt
 
 from samrl_core.common.errors import InputError
 from samrl_core.common.figure_file import save_figure
-from samrl_ros.bags.reader import open_bag
+from samrl_ros.bags.reader import BagDecoder, open_bag
+from samrl_ros.bags.recorder import header_stamp_ns
 from samrl_ros.cell.report.run_record import STATE, losses_of
 from samrl_ros.contract.topics import camera_topic, cell_topic
 from samrl_ros.conversions.from_message import image, stamp_ns
@@ -30,22 +30,16 @@ def draw_contact_sheet(bag_path: Path, picture: Path, episode: int = 0, columns:
     Raises:
         InputError: the bag has no update of that episode.
     """
-    states: dict[int, Any] = {}
-    model: dict[int, np.ndarray] = {}
-    wanted: set[int] = set()
     bag = open_bag(bag_path)
-    for record, message in bag.decoded((STATE, MODEL)):
-        stamp = stamp_ns(message)
-        if record.topic == STATE and message.episode == episode:
-            states[stamp] = message
-            wanted.add(stamp)
-        elif record.topic == MODEL:
-            model[stamp] = image(message)
-    real = {
-        stamp_ns(m): image(m)
-        for _, m in bag.decoded((COLOR,))
-        if stamp_ns(m) in wanted and stamp_ns(m) in model
-    }
+    states = {stamp_ns(m): m for _, m in bag.decoded((STATE,)) if m.episode == episode}
+    pictures: dict[str, dict[int, np.ndarray]] = {COLOR: {}, MODEL: {}}
+    decode = BagDecoder(bag)
+    for raw in bag.messages(pictures):
+        stamp = header_stamp_ns(raw.type, raw.data) or 0
+        if stamp in states:  # others are not even decoded: a long run's take hundreds of megabytes
+            pictures[raw.topic][stamp] = image(decode(raw))
+    model = pictures[MODEL]
+    real = {stamp: pixels for stamp, pixels in pictures[COLOR].items() if stamp in model}
     stamps = sorted(real)
     if not stamps:
         raise InputError(f"{bag_path} has no model update of episode {episode} to show")

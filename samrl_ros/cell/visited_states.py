@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,8 @@ from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.cell.tasks.task import Task
 from samrl_core.common.errors import InputError
 from samrl_core.learning.states.visited import FITTED, VisitedStates
-from samrl_ros.bags.reader import open_bag
+from samrl_ros.bags.reader import Bag, BagDecoder, RawMessage, open_bag
+from samrl_ros.bags.recorder import header_stamp_ns
 from samrl_ros.contract.topics import arm_topic, cell_topic
 from samrl_ros.conversions import from_message
 
@@ -33,30 +34,24 @@ def visited_in_bag(bag: Path, task: Task, cell: CellSpec) -> VisitedStates:
         InputError: no bag, one of another task, or a state without joints of its time.
     """
     names = tuple(spec.name for spec in task.parameters())
+    source = open_bag(bag)
     last: dict[tuple[int, int], Any] = {}
-    joints: list[Any] = []
-    for record, message in open_bag(bag).decoded((STATE, JOINTS)):
-        if record.topic == JOINTS:
-            joints.append(message)
-        elif message.why_stopped in FITTED:
+    for _, message in source.decoded((STATE,)):
+        if message.why_stopped in FITTED:
             if message.task != task.name:
                 raise InputError(f"bag {bag} holds states of {message.task}, not of {task.name}")
             last[int(message.episode), int(message.step)] = message
-    joints.sort(key=from_message.stamp_ns)
-    stamps = [from_message.stamp_ns(one) for one in joints]
+    joints = _joints_nearest(source, sorted({from_message.stamp_ns(m) for m in last.values()}))
     tips = _Tips(task, cell)
     rows = []
     for key, message in sorted(last.items()):
         values, covariance = from_message.model_values(message, names)
         at = from_message.stamp_ns(message)
-        right = bisect_left(stamps, at)
-        nearest = min((k for k in (right - 1, right) if 0 <= k < len(stamps)), default=-1,
-                      key=lambda k: abs(stamps[k] - at))  # fmt: skip
-        if nearest < 0 or abs(stamps[nearest] - at) > _SLOP_NS:
+        if at not in joints:
             raise InputError(
                 f"bag {bag} has no joint state within {_SLOP_NS / 1e6:.0f} ms of {at / 1e9:.3f} s"
             )
-        rows.append((values, covariance, tips.of(joints[nearest]), *key))
+        rows.append((values, covariance, tips.of(joints[at]), *key))
     size = len(names)
     return VisitedStates(
         task.name,
@@ -66,6 +61,24 @@ def visited_in_bag(bag: Path, task: Task, cell: CellSpec) -> VisitedStates:
         np.array([row[3] for row in rows], dtype=np.int64),
         np.array([row[4] for row in rows], dtype=np.int64),
     )
+
+
+def _joints_nearest(bag: Bag, stamps: list[int]) -> dict[int, Any]:
+    """Joint states by the stamp [ns] that each is nearest to; none where there is none within `_SLOP_NS`.
+
+    Only these are kept and decoded: an hour of joint states would take a gigabyte.
+    """
+    nearest: dict[int, tuple[int, RawMessage]] = {}
+    for raw in bag.messages((JOINTS,)):
+        at = header_stamp_ns(raw.type, raw.data)
+        if at is None:
+            continue
+        for stamp in stamps[bisect_left(stamps, at - _SLOP_NS) : bisect_right(stamps, at + _SLOP_NS)]:
+            distance = abs(at - stamp)
+            if stamp not in nearest or distance < nearest[stamp][0]:
+                nearest[stamp] = (distance, raw)
+    decode = BagDecoder(bag)
+    return {stamp: decode(raw) for stamp, (_, raw) in nearest.items()}
 
 
 class _Tips:

@@ -13,8 +13,7 @@ import numpy as np
 
 from samrl_core.cell.robots.robot import ROLES
 from samrl_core.common.errors import InputError
-from samrl_ros.bags.decode import Decoder, decode
-from samrl_ros.bags.reader import Bag, RawMessage, open_bag
+from samrl_ros.bags.reader import BagDecoder, RawMessage, open_bag
 from samrl_ros.cell.report.tracking import JointSamples, Tracking, tracking_of
 from samrl_ros.contract.topics import FORMER_NAMES, arm_topic, cell_topic
 from samrl_ros.conversions.from_message import points, stamp_ns
@@ -158,15 +157,15 @@ def read_run(bag_path: Path, watchers: Sequence[Watcher] = ()) -> RunRecord:
         for role in ROLES
         for name in ("joint_states", "command")
     }
-    decoders = _Decoding(bag)
+    decode = BagDecoder(bag)
     for raw in bag.messages(told.union(samples, *(w.topics for w in watchers))):
         if raw.topic in samples:
-            samples[raw.topic].take(raw, decoders.decoded)
+            samples[raw.topic].take(raw, decode)
         elif raw.topic in told:
-            _take(run, marks, events, raw, decoders.decoded(raw))
+            _take(run, marks, events, raw, decode(raw))
         for watcher in watchers:
             if raw.topic in watcher.topics:
-                watcher.take(raw, decoders.decoded)
+                watcher.take(raw, decode)
     ends = [time for time, _ in marks[1:]] + [bag.end_ns * 1e-9]  # one too many where no phase came
     run.phases.extend(Phase(name, time, end) for (time, name), end in zip(marks, ends, strict=False))
     # The first ones tell the cause.
@@ -175,24 +174,6 @@ def read_run(bag_path: Path, watchers: Sequence[Watcher] = ()) -> RunRecord:
         measured, commanded = (samples[arm_topic(role, name)] for name in ("joint_states", "command"))
         run.tracking.extend(tracking_of(role, measured, commanded))
     return run
-
-
-class _Decoding:
-    """Decoders of a bag's topics, each made when it is needed; the last message is kept."""
-
-    def __init__(self, bag: Bag) -> None:
-        self._bag = bag
-        self._decoders: dict[str, Decoder] = {}
-        self._last: tuple[RawMessage, Any] | None = None
-
-    def decoded(self, raw: RawMessage) -> Any:
-        if self._last is not None and self._last[0] is raw:
-            return self._last[1]
-        if raw.topic not in self._decoders:
-            self._decoders[raw.topic] = self._bag.decoder(raw.topic)
-        message = decode(self._decoders[raw.topic], raw.topic, raw.log_time_ns, raw.data)
-        self._last = (raw, message)
-        return message
 
 
 def _take(

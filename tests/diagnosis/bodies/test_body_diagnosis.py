@@ -249,6 +249,12 @@ def test_flights_and_contact_are_found_wherever_the_support_is(rate: float) -> N
     assert found[-1].kind == "contact" and time[found[-1].begin] < 1.8
 
 
+def test_stamps_beyond_any_clock_are_searched_without_an_overflow() -> None:
+    """A damaged text: the square of such a time is no float."""
+    recording = bounces(World(tracker=Tracker(rate=100, noise=1e-3)), np.random.default_rng(0), seconds=2.2)
+    find_phases(recording.track.time * 1e155, recording.track.position[:, 2], G)
+
+
 def test_a_toss_without_a_support_leaves_the_hand_out() -> None:
     recording = toss(World(), np.random.default_rng(1), turns=False)
     track = recording.track

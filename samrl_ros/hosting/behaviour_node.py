@@ -19,6 +19,7 @@ from samrl_ros.contract.message_types import message_class
 from samrl_ros.contract.qos import qos_named
 from samrl_ros.contract.topics import SERVICES, TOPICS
 from samrl_ros.hosting.cell_node import ACTIVE, CellNode
+from samrl_ros.hosting.deafness import SOUNDING, Deafness
 from samrl_ros.hosting.diagnostics import TopicCounter
 
 MakeBehaviour = Callable[[Any, Outbox], Behaviour]  # (settings, outbox); a Behaviour class is one
@@ -54,6 +55,7 @@ class BehaviourNode(CellNode):
         self._inputs: list[Any] = []
         self._clients_by_name: dict[str, Client] = {}
         self._calls: list[_Call] = []
+        self._deafness = Deafness()
 
     # --- hooks of CellNode ---
 
@@ -84,6 +86,7 @@ class BehaviourNode(CellNode):
     def begin(self) -> None:
         """Start the behaviour."""
         assert self._behaviour is not None
+        self._deafness = Deafness()
         self._behaviour.start()
 
     def halt(self) -> None:
@@ -108,6 +111,16 @@ class BehaviourNode(CellNode):
         return self._behaviour.status() if self._behaviour is not None else {}
 
     # --- messages ---
+
+    def report(self) -> None:
+        """See `CellNode`; a node that nothing reaches fails, so that somebody starts another one."""
+        sounding = [name for name in SOUNDING if name in self.health.topics]
+        if sounding and self.stage == ACTIVE and not self.failure:
+            received = sum(counter.received for counter in self.health.topics.values())
+            publishers = 0 if received else sum(self.count_publishers(name) for name in sounding)
+            if why := self._deafness.look(received, publishers):
+                self.fail(why)
+        super().report()
 
     def _receive(self, topic: str, counter: TopicCounter, message: Any) -> None:
         counter.received += 1

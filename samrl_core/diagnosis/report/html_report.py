@@ -239,7 +239,7 @@ def _key_figures(d: Diagnosis) -> list[KeyFigure]:
     if math.isfinite(d.unexplained_fraction):
         after = "the named effects" if d.verdict == "effect" else "the best effect"
         note = f"of the fitted residual's energy, after {after}"
-        items.append(_key_figure("unexplained", words.percent(d.unexplained_fraction), note))
+        items.append(_key_figure("unexplained", words.remainder(d.unexplained_fraction), note))
     if d.heatmap is not None and d.verdict == "no_gap":
         items.append(
             _key_figure("significant parts", str(int((d.heatmap.values >= d.heatmap.threshold).sum())))

@@ -79,7 +79,7 @@ def _headline(ax: Axes, d: Diagnosis, title: str) -> None:
             f"held-out gap shrinks by {words.percent(d.gap.shrink)} ({words.percent_interval(d.gap.ci95)})"
         )
     if math.isfinite(d.unexplained_fraction):
-        facts.append(f"{words.percent(d.unexplained_fraction)} unexplained")
+        facts.append(f"{words.remainder(d.unexplained_fraction)} unexplained")
     shown = fill("; ".join(filter(None, facts)) or (d.reasons[0] if d.reasons else ""), 110)
     ax.text(0, 0.0, _literal(shown), va="bottom", fontsize=10, color=INK, transform=ax.transAxes)
 

@@ -33,12 +33,16 @@ def summary(diagnosis: Diagnosis, files: Sequence[str] = ()) -> list[str]:
     if d.verdict == "no_gap" and d.least_sizes:
         lines.append(_line("seen from", f"{in_short(d)}, each alone; less passes"))
     if d.verdict in ("effect", "none_of_mine", "ambiguous"):
-        left = words.percent(d.unexplained_fraction)
+        left = words.remainder(d.unexplained_fraction)
         best = {"effect": "the named", "ambiguous": "the candidate", "none_of_mine": "the best-fitting"}[
             d.verdict
         ]
         noun = "effects" if len(d.effects) > 1 else "effect"
-        lines.append(_line("unexplained", f"{left} of the excess energy remains with {best} {noun}"))
+        # Fitted samples beyond noise and tolerances; motion that was never fitted. Neither says the other.
+        kept = None if d.gap is None or d.gap.shrink is None else words.percent(1.0 - d.gap.shrink)
+        other = "" if kept is None else f", {kept} of the held-out gap"
+        text = f"{left} of the excess energy remains with {best} {noun}{other}"
+        lines.append(_line("unexplained", text))
     if d.nearest is not None:
         lines.append(_line("nearest", f"{words.effect(d.nearest.name)}, but it would be wrong"))
     if d.verdict == "none_of_mine" and d.signatures and d.signatures[0].hints:

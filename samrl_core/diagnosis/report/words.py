@@ -114,6 +114,11 @@ def probability(value: float | None) -> str:
     return percent(None if value is None else min(max(value, LEAST_CHANCE), 1.0 - LEAST_CHANCE))
 
 
+def remainder(fraction: float | None) -> str:
+    """A share that stays unexplained, as per cent; never none, as what lies below noise is not seen."""
+    return percent(None if fraction is None else max(fraction, LEAST_CHANCE))
+
+
 def percent_interval(ci: tuple[float, float] | None) -> str:
     """`79 to 86 %`, or nothing."""
     if ci is None or not all(map(math.isfinite, ci)):

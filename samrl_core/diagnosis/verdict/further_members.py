@@ -14,17 +14,26 @@ from samrl_core.diagnosis.selection.hypothesis import Hypothesis
 from samrl_core.diagnosis.selection.selection import Selection
 from samrl_core.diagnosis.verdict.how_far import HowFar
 
+TOGETHER = 0.25  # of the held-out gap that several effects must take off, or a limit beside others
+
 
 def find_superfluous(selection: Selection, named: Sequence[NamedEffect], far: HowFar) -> tuple[int, ...]:
     """Further members of the chosen set that are to be left out, by their index.
 
-    Their size may be zero, or the gap on recordings never fitted is not smaller for sure with them.
+    Their size may be zero, or the gap on recordings never fitted is not smaller for sure with them. A limit
+    of the drive fits any torque a little: beside others, as alone, motion must show it. And several effects
+    that leave most of the gap share out what one has done that is not among them.
     """
     assert selection.chosen is not None
-    members = zip(selection.chosen.hypotheses, named, strict=True)
+    hypotheses = selection.chosen.hypotheses
+    members = zip(hypotheses, named, strict=True)
     zero = [k for k, (h, effect) in enumerate(members) if k > 0 and _may_be_zero(h, effect)]
     idle = [k for k, (low, _) in far.further.items() if low <= 0.0]
-    return tuple(sorted({*zero, *idle}))
+    no_limit = [
+        k for k, (_, most) in far.further.items() if hypotheses[k].effect.limits_motion and most < TOGETHER
+    ]
+    little = far.gap is not None and far.gap.shrink is not None and far.gap.shrink < TOGETHER
+    return tuple(sorted({*zero, *idle, *no_limit, *(far.further if little else ())}))
 
 
 def _may_be_zero(h: Hypothesis, effect: NamedEffect) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
-from samrl_core.diagnosis.result import NamedEffect, ParameterEstimate
+from samrl_core.diagnosis.result import HeldOutGap, NamedEffect, ParameterEstimate
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, Hypothesis
 from samrl_core.diagnosis.selection.search import find_extensions
 from samrl_core.diagnosis.selection.selection import Selection
@@ -32,8 +32,8 @@ def named(effect: str, **intervals: tuple[float, float]) -> NamedEffect:
     return NamedEffect(family, place, 1.0, sizes)
 
 
-def member(shape: tuple[str, ...] = ()) -> Hypothesis:
-    effect = SimpleNamespace(renamed_shapes=())
+def member(shape: tuple[str, ...] = (), limit: bool = False) -> Hypothesis:
+    effect = SimpleNamespace(renamed_shapes=(), limits_motion=limit)
     return cast("Hypothesis", SimpleNamespace(effect=effect, shape=dict.fromkeys(shape, 1.0)))
 
 
@@ -57,6 +57,27 @@ def test_a_further_effect_needs_something_certain(
     """A leg's gain was off by half; beside it stood a payload of -12 [-33, 7] g and a rotor's inertia."""
     fit = Fit((member(), member(shape)), (np.ones(1), np.ones(1)), np.eye(2), 100.0)
     far = HowFar(None, (), further={} if takes_off is None else {1: takes_off})
+    assert find_superfluous(selection_of(fit), [GAINS, second], far) == ((1,) if left_out else ())
+
+
+@pytest.mark.parametrize(
+    ("limit", "takes_off", "together", "left_out"),
+    [
+        (False, (0.06, 0.10), 0.60, False),
+        (False, (0.06, 0.10), 0.19, True),
+        (True, (0.06, 0.10), 0.60, True),
+        (True, (0.20, 0.40), 0.60, False),
+    ],
+    ids=["most is gone", "most stays", "a limit that is hardly seen", "a limit"],
+)
+def test_several_effects_take_much_of_the_gap_together(
+    limit: bool, takes_off: tuple[float, float], together: float, left_out: bool
+) -> None:
+    """A hobby arm's delay was friction, a limit of the torque's rate and an inertia, and 81 % of the gap."""
+    second = named("torque_rate_limit@arm:a", R=(3.0, 4.0))
+    fit = Fit((member(), member(("R",), limit)), (np.ones(1), np.ones(1)), np.eye(2), 100.0)
+    gap = HeldOutGap("RMS", "1", 2.0, 2.0 * (1.0 - together), None, None, together, (0.1, 0.9), None, ())
+    far = HowFar(gap, (), further={1: takes_off})
     assert find_superfluous(selection_of(fit), [GAINS, second], far) == ((1,) if left_out else ())
 
 

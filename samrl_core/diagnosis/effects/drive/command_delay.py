@@ -23,6 +23,7 @@ CLEAR = 10.0  # [nat] that a delay which changes must win, above the compared ba
 ALWAYS = 0.8  # share of samples that must be late: fresh packets with some late ones are jitter
 GRID = (0.001, 0.002, 0.004, 0.008, 0.016, 0.03, 0.06)  # [s]
 LIMITS = (5e-4, LATEST_IN_LAW_S)  # [s]
+SHORTEST = 0.6  # samples of a delay before a law: half of one lies within what stamps may be off by
 TRACKED_GRID = (0.01, 0.02, 0.04, 0.08, 0.16, 0.32)  # [s] of servos that only log where they are
 
 
@@ -76,6 +77,10 @@ class ConstantDelay(LateForm):
         return trial.motion.delayed(x, shape["T"])
 
     def is_possible(self, trial: Trial, shape: Shape) -> bool:
+        # A law reads its command with the position: a dead band, a punch or a limit tells a delay to a part
+        # of a sample, where stamps off by as much would not do. Else their tolerance explains it.
+        if self.side == "command":
+            return shape["T"] * trial.motion.rate > SHORTEST
         return _is_seen(trial, shape["T"])
 
     def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:

@@ -31,6 +31,7 @@ ATTEMPTS = 5  # sets that are judged at most
 LATER_LEAVES = 0.25  # of the torque, at most, unless it shrinks the held-out gap by
 LATER_SHRINKS = 0.5  # where a known effect is the second choice, an unknown one is more probable
 ABOUT = 0.05  # difference of two shrinks that says nothing
+OF_THE_REST = 0.5  # of what a refused set left, at most, that one with a member more may leave
 
 # Known causes that are no effect: evidence, what was chosen, what an effect needs [nat] -> words.
 Doubts = Callable[[Evidence, Fit | None, float], list[str]]
@@ -170,10 +171,15 @@ def comes_as_close(one: HeldOutGap | None, other: HeldOutGap | None) -> bool:
 def _replaces(one: Judged, nearest: Judged) -> bool:
     """Whether a set may be named although another was refused: held-out recordings come as close with it.
 
-    With the refused effect as a further member it would be the refused set in another order.
+    With the refused effect as a further member it would be the refused set in another order, unless what is
+    new in it explains most of what that left.
     """
     first = nearest.named[0].name
-    if one.named[0].name != first and first in {n.name for n in one.named}:
+    if (
+        one.named[0].name != first
+        and first in {n.name for n in one.named}
+        and not _explains_the_rest(one, nearest)
+    ):
         return False
     a, b = one.far.gap, nearest.far.gap
     if one.named[0].name != first:
@@ -184,6 +190,20 @@ def _replaces(one: Judged, nearest: Judged) -> bool:
         left, before = (j.selection.held_out_unexplained for j in (one, nearest))
         return one.named[0].name == first or left <= before + ABOUT
     return a.shrink >= b.shrink - ABOUT
+
+
+def _explains_the_rest(one: Judged, nearest: Judged) -> bool:
+    """Whether a set has a member that a refused one lacked, and leaves half as much with it, held out too.
+
+    A slide's dry friction, refused as its size grew with the speed, was the larger part of both frictions.
+    """
+    if {n.name for n in one.named} <= {n.name for n in nearest.named}:
+        return False
+    a, b = one.selection, nearest.selection
+    return (
+        a.unexplained <= OF_THE_REST * b.unexplained
+        and a.held_out_unexplained <= OF_THE_REST * b.held_out_unexplained
+    )
 
 
 def judge_set(

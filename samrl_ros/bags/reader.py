@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import heapq
+from bisect import bisect_left
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -104,13 +105,18 @@ class Bag:
             )
         return tuple(found)
 
-    def messages(self, topics: Iterable[str] | None = None) -> Iterator[RawMessage]:
+    def messages(
+        self, topics: Iterable[str] | None = None, near_ns: Iterable[int] | None = None
+    ) -> Iterator[RawMessage]:
         """Raw messages in log-time order; equal times in recorded order.
 
-        `topics` selects; one that the bag lacks has no messages (see `require_topics`). Raises `InputError`
-        where a file that looked whole turns out to be damaged.
+        `topics` selects; one that the bag lacks has no messages (see `require_topics`). `near_ns` leaves out,
+        unread, blocks that have none of these log times in their span, as their headers state it; of the
+        other blocks all messages come. Raises `InputError` where a file that looked whole turns out to be
+        damaged.
         """
-        return self._messages(self._selected(topics))
+        times = None if near_ns is None else sorted(near_ns)
+        return self._messages(self._selected(topics), times)
 
     def decoded(self, topics: Iterable[str] | None = None) -> Iterator[tuple[RawMessage, Any]]:
         """Pairs of raw message and decoded object (fields as attributes), in log-time order.
@@ -153,12 +159,12 @@ class Bag:
         for raw in self._messages(wanted):
             yield raw, decode(decoders[raw.topic], raw.topic, raw.log_time_ns, raw.data)
 
-    def _messages(self, wanted: set[str]) -> Iterator[RawMessage]:
+    def _messages(self, wanted: set[str], times: list[int] | None = None) -> Iterator[RawMessage]:
         # Blocks in order of their first log time; a message leaves the heap once no block that starts
         # earlier is left, so memory holds only overlapping blocks.
         blocks = sorted(
             ((block.start_ns, number, at) for number, index in enumerate(self._indexes)
-             for at, block in enumerate(index.blocks))
+             for at, block in enumerate(index.blocks) if times is None or _spans_any(block, times))
         )  # fmt: skip
         types = {topic.name: topic.type for topic in self.topics}
         heap: list[tuple[int, int, int, int, scan.Entry]] = []
@@ -207,6 +213,12 @@ class BagDecoder:
         message = decode(self._decoders[raw.topic], raw.topic, raw.log_time_ns, raw.data)
         self._last = (raw, message)
         return message
+
+
+def _spans_any(block: scan.Block, times: list[int]) -> bool:
+    """Whether one of these log times, in ascending order, lies within a block."""
+    at = bisect_left(times, block.start_ns)
+    return at < len(times) and times[at] <= block.end_ns
 
 
 def open_bag(path: Path | str, verify: bool = False, ignore_metadata: bool = False) -> Bag:

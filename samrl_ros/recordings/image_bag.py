@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,8 +14,8 @@ from samrl_core.cell.robots.robot import ROLES
 from samrl_core.cell.types.image_recording import ImageRecording, ImageTolerances
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.kinds.images.images import split_images
-from samrl_ros.bags.decode import decode
-from samrl_ros.bags.reader import Bag, open_bag
+from samrl_ros.bags.decode import Decoder, decode
+from samrl_ros.bags.reader import Bag, RawMessage, open_bag
 from samrl_ros.bags.recorder import header_stamp_ns
 from samrl_ros.conversions import from_message
 from samrl_ros.recordings.arrays_by_role import read_stated
@@ -24,7 +24,8 @@ COLOR, DEPTH = "/cell/camera/color/image_raw", "/cell/camera/depth/image_rect_ra
 INFO, MASK = "/cell/camera/color/camera_info", "/cell/camera/mask/image_raw"
 CALIBRATION = "/cell/camera/calibration"
 STATES = {role: f"/cell/{role}/joint_states" for role in ROLES}
-WANTED = (COLOR, DEPTH, INFO, MASK, CALIBRATION, *STATES.values())
+IMAGES = (COLOR, DEPTH, MASK)
+WANTED = (*IMAGES, INFO, CALIBRATION, *STATES.values())
 MOST_FRAMES = 300  # that are held of a recording, evenly over it: a minute at 30 Hz of 640x480 has 4.4 GB
 _MOST_BYTES = 3_000_000_000  # of images that are held at once
 
@@ -44,27 +45,17 @@ def read_image_bag(path: Path, task: str, cell: str = DEFAULT_CELL) -> ImageReco
             " without --camera"
         )
     spec = cell_named(cell)
-    images: dict[str, dict[int, np.ndarray]] = {COLOR: {}, DEPTH: {}, MASK: {}}
     joints: dict[str, dict[int, np.ndarray]] = {role: {} for role in ROLES}
-    lens, poses, size = None, None, 0
+    lens, poses = None, None
     roles = {name: role for role, name in STATES.items()}
-    stamps = _kept_stamps(bag)
-    kept = set(stamps)
     decoders = {name: bag.decoder(name) for name in WANTED}
+    seen: dict[str, list[tuple[int, int]]] = {name: [] for name in IMAGES}  # stamp, log time [ns]
     for raw in bag.messages(WANTED):
-        if raw.topic in images and header_stamp_ns(raw.type, raw.data) not in kept:
+        if raw.topic in seen:
+            seen[raw.topic].append((_stamp_of(bag, raw), raw.log_time_ns))
             continue
         message = decode(decoders[raw.topic], raw.topic, raw.log_time_ns, raw.data)
-        if raw.topic in images:
-            image = from_message.image(message)
-            size += image.nbytes
-            if size > _MOST_BYTES:
-                raise InputError(
-                    f"{len(stamps)} images of bag {path} have more than {_MOST_BYTES / 1e9:g} GB; record them"
-                    " smaller, a camera is told from images 160 pixels wide"
-                )
-            images[raw.topic][from_message.stamp_ns(message)] = image
-        elif raw.topic in roles:
+        if raw.topic in roles:
             role = roles[raw.topic]
             reading = from_message.arm_reading(message, spec.arm(role).joint_names)
             joints[role][reading.stamp_ns] = reading.position
@@ -72,6 +63,8 @@ def read_image_bag(path: Path, task: str, cell: str = DEFAULT_CELL) -> ImageReco
             lens = _same(lens, from_message.intrinsics(message), bag)
         else:
             poses = from_message.calibration(message.data)
+    stamps = _kept_stamps(bag, seen)
+    images = _read_images(bag, stamps, seen, decoders)
     assert lens is not None and poses is not None
     expected = (lens.height, lens.width)
     for topic, found in images.items():
@@ -114,18 +107,20 @@ def load_image_bags(
     return [first], [last], [f"{fitted[0].name} is alone: its last part is held out"]
 
 
-def _kept_stamps(bag: Bag) -> list[int]:
-    """Stamps [ns] that colour, depth and mask share, at most `MOST_FRAMES`, without decoding a pixel."""
-    found: dict[str, set[int]] = {COLOR: set(), DEPTH: set(), MASK: set()}
-    for raw in bag.messages(tuple(found)):
-        stamp = header_stamp_ns(raw.type, raw.data)
-        if stamp is None:
-            raise InputError(
-                f"bag {bag.path}: {raw.topic} at log time {raw.log_time_ns} ns has no stamp; let the driver"
-                " set header.stamp"
-            )
-        found[raw.topic].add(stamp)
-    shared = sorted(set.intersection(*found.values()))
+def _stamp_of(bag: Bag, raw: RawMessage) -> int:
+    """Stamp [ns] of a message, without decoding a pixel."""
+    stamp = header_stamp_ns(raw.type, raw.data)
+    if stamp is None:
+        raise InputError(
+            f"bag {bag.path}: {raw.topic} at log time {raw.log_time_ns} ns has no stamp; let the driver"
+            " set header.stamp"
+        )
+    return stamp
+
+
+def _kept_stamps(bag: Bag, seen: Mapping[str, Sequence[tuple[int, int]]]) -> list[int]:
+    """Stamps [ns] that colour, depth and mask share, at most `MOST_FRAMES`; `seen` has (stamp, log time)."""
+    shared = sorted(set.intersection(*({stamp for stamp, _ in of} for of in seen.values())))
     if not shared:
         raise InputError(
             f"bag {bag.path}: colour, depth and mask share no stamp; publish them aligned, as one frame"
@@ -133,6 +128,35 @@ def _kept_stamps(bag: Bag) -> list[int]:
     if len(shared) <= MOST_FRAMES:
         return shared
     return [shared[k] for k in np.linspace(0, len(shared) - 1, MOST_FRAMES).round().astype(int)]
+
+
+def _read_images(
+    bag: Bag,
+    stamps: Sequence[int],
+    seen: Mapping[str, Sequence[tuple[int, int]]],
+    decoders: Mapping[str, Decoder],
+) -> dict[str, dict[int, np.ndarray]]:
+    """Images (H, W, ...) by topic and stamp [ns]; parts of the bag that hold none of them stay unread."""
+    images: dict[str, dict[int, np.ndarray]] = {name: {} for name in IMAGES}
+    kept, size = set(stamps), 0
+    times = {time for of in seen.values() for stamp, time in of if stamp in kept}
+    for near in (times, None):  # a block whose header states another span than it has is found by reading all
+        for raw in bag.messages(IMAGES, near):
+            stamp = header_stamp_ns(raw.type, raw.data)
+            if stamp not in kept or (near is None and stamp in images[raw.topic]):
+                continue
+            message = decode(decoders[raw.topic], raw.topic, raw.log_time_ns, raw.data)
+            image = from_message.image(message)
+            size += image.nbytes
+            if size > _MOST_BYTES:
+                raise InputError(
+                    f"{len(stamps)} images of bag {bag.path} have more than {_MOST_BYTES / 1e9:g} GB; record"
+                    " them smaller, a camera is told from images 160 pixels wide"
+                )
+            images[raw.topic][from_message.stamp_ns(message)] = image
+        if all(stamp in of for of in images.values() for stamp in stamps):
+            break
+    return images
 
 
 def _same(before: Any, now: Any, bag: Bag) -> Any:

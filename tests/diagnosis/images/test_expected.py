@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.tasks import task_named
@@ -50,3 +51,17 @@ def test_the_same_view_again_adds_less_than_another(start: dict[str, np.ndarray]
     assert worth.nat == pytest.approx(first)
     assert 0.0 < worth.gain(start) < worth.gain(turned) < first
     assert (worth.deviations("hand_eye") < before).all()
+
+
+def test_gradients_of_one_rendering_are_those_of_one_for_each_sum(start: dict[str, np.ndarray]) -> None:
+    """To the bit: what is shared is work, not rounding."""
+    still = still_recording(TASK, DEFAULT_CELL, start)
+    scene = expected_scene(still)
+    vertices = scene.vertices(scene.view(still, 0.5), np.eye(4))
+    k, rng = scene.intrinsics, np.random.default_rng(0)
+    weights = rng.standard_normal((5, k.height, k.width, 3)).astype(np.float32)
+    weights[1:] *= rng.random((4, k.height, k.width, 1)) < 0.05
+    batch = torch.from_numpy(np.broadcast_to(vertices, (5, *vertices.shape)).copy()).requires_grad_(True)
+    (scene._render(batch, scene._shares).color * torch.from_numpy(weights)).sum().backward()
+    assert batch.grad is not None and bool((batch.grad != 0.0).any())
+    np.testing.assert_array_equal(scene.gradients(vertices, weights), batch.grad.numpy())

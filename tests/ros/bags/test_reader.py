@@ -10,6 +10,7 @@ import pytest
 from mcap.writer import CompressionType, IndexType, Writer
 
 from samrl_core.common.errors import InputError
+from samrl_ros.bags import scan
 from samrl_ros.bags.reader import open_bag, require_topics
 from samrl_ros.bags.schemas import schema_text
 
@@ -64,6 +65,24 @@ def test_files_of_other_writers(tmp_path: Path, string_cdr, variant: str) -> Non
     assert sorted(int(m.data) for _, m in bag.decoded()) == list(range(60))
     assert {m.topic for m in bag.messages(["/b"])} == {"/b"}
     assert (bag.start_ns, bag.end_ns) == (raw[0].log_time_ns, raw[-1].log_time_ns)
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_what_lies_near_some_times_is_read_without_the_rest(
+    tmp_path: Path, string_cdr, variant: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "x.mcap").write_bytes(foreign(string_cdr, **VARIANTS[variant]))
+    bag, read = open_bag(tmp_path / "x.mcap"), []
+    unread = scan.read_block
+    monkeypatch.setattr(scan, "read_block", lambda *given: read.append(given[2]) or unread(*given))
+    whole = list(bag.messages("/a"))
+    blocks, wanted = len(read), {1004, 1052}
+    read.clear()
+    near = list(bag.messages("/a", near_ns=wanted))
+    assert [m for m in near if m.log_time_ns in wanted] == [m for m in whole if m.log_time_ns in wanted] != []
+    assert [m for m in whole if m in near] == near
+    assert len(read) < blocks or blocks == 1
+    assert list(bag.messages("/a", near_ns=())) == []
 
 
 @pytest.mark.parametrize("variant", VARIANTS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -73,6 +74,7 @@ class ImageScene:
             )
         self.intrinsics, self.cell = intrinsics, cell
         settings = ModelSettings(threads=1)
+        self.table_grey = float(np.mean(settings.table_color))  # as drawn, 1 is white
         self.mesh = mesh = build_scene_mesh(scene, cell, settings)
         self._renderer = Renderer(mesh.topology, intrinsics, threads=1)
         (self.body,) = bodies
@@ -155,15 +157,26 @@ class ImageScene:
         """The most of each colour (3,) that vertices of `OBJECT` or `STATIC` are expected to have."""
         return self._shade.numpy()[self.group == group].max(axis=0).astype(float)
 
+    def lit_by(self, settings: ModelSettings) -> ImageScene:
+        """The same scene in the light of other settings."""
+        other = copy(self)
+        other._shade = other._shading(settings)
+        return other
+
     def gradients(self, vertices: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """Gradients (n, V, 3) of sums of the shares under weights (n, H, W, 3), by the vertices."""
+        """Gradients (n, V, 3) of sums of the shares under weights (n, H, W, 3), by the vertices.
+
+        All sums are of one image: it is rendered once, and only its adjoint is taken n times.
+        """
         import torch
 
-        batch = torch.from_numpy(np.broadcast_to(vertices, (len(weights), *vertices.shape)).copy())
-        batch.requires_grad_(True)
-        (self._render(batch, self._shares).color * torch.from_numpy(weights)).sum().backward()
-        assert batch.grad is not None
-        return batch.grad.numpy()
+        at = torch.from_numpy(vertices.copy()).requires_grad_(True)
+        color = self._render(at, self._shares).color
+        out = np.empty((len(weights), *vertices.shape))
+        for k, weight in enumerate(torch.from_numpy(weights)):
+            (gradient,) = torch.autograd.grad(color, at, weight, retain_graph=True)
+            out[k] = gradient.numpy()
+        return out
 
     def _render(self, vertices: torch.Tensor, colors: torch.Tensor) -> Rendered:
         import torch

@@ -34,6 +34,7 @@ TASK = "peg_insertion"
 SECONDS, FRAMES, SEED = 18.0, 24, 100
 ORBIT_M, ORBIT_RAD = 0.34, 1.1  # distance and elevation of the camera on the orbit
 ORBIT_ARC = (-0.3, -2.5)  # azimuths [rad] that the arm reaches one after the other
+DOWN_M, DOWN_RAD = 0.40, 1.54  # the same of a camera that looks straight down
 EVERY = 10  # of the commanded joints are kept
 EFFECTS: dict[str, Parts] = {
     "hand-eye": ({"hand_eye": 1.0},),
@@ -87,10 +88,19 @@ def still_camera(task: Task, cell: CellSpec) -> ImageRecording:
 
 def orbit(task: Task, cell: CellSpec) -> ImageRecording:
     """The camera goes around at one distance, upright; the tool moves as for the still camera."""
+    return _around(task, cell, ORBIT_M, ORBIT_RAD)
+
+
+def straight_down(task: Task, cell: CellSpec) -> ImageRecording:
+    """The camera turns above the object: the table is at one depth, the object's top at another."""
+    return _around(task, cell, DOWN_M, DOWN_RAD)
+
+
+def _around(task: Task, cell: CellSpec, distance_m: float, elevation_rad: float) -> ImageRecording:
     recording, region, start = still_camera(task, cell), task.view_region(), task.start_joints(cell)
     arm = ArmModel(cell.camera_arm, cell.camera_base_in_world, None)
     steps = np.linspace(*ORBIT_ARC, 25)
-    flat, up = ORBIT_M * np.cos(ORBIT_RAD), ORBIT_M * np.sin(ORBIT_RAD)
+    flat, up = distance_m * np.cos(elevation_rad), distance_m * np.sin(elevation_rad)
     joints = [start["camera_arm"]]
     for azimuth in steps:
         eye = region.target + np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), up])
@@ -114,6 +124,7 @@ def chosen_views(task: Task, cell: CellSpec) -> ImageRecording:
 MOTIONS: dict[str, Callable[[Task, CellSpec], ImageRecording]] = {
     "still camera": still_camera,
     "orbit": orbit,
+    "straight down": straight_down,
     "rolled views": rolled_views,
     "chosen views": chosen_views,
 }

@@ -52,6 +52,7 @@ class Effect(ABC, Generic[T]):
     simulated: ClassVar[bool] = True  # some form has a simulation in closed loop
     limits_motion: ClassVar[bool] = False  # fits any torque a little, so motion must show it
     of_description: ClassVar[bool] = False  # no machine has it, and no sealed world
+    forms_may_be_one: ClassVar[bool] = False  # where little varies: then both of their numbers are reported
     by_chance: ClassVar[bool] = False  # happens at random times: a held-out recording cannot confirm when
 
     @property

@@ -25,6 +25,7 @@ from samrl_core.diagnosis.verdict.foretelling import find_as_foretelling, is_den
 from samrl_core.diagnosis.verdict.further_members import find_superfluous
 from samrl_core.diagnosis.verdict.how_far import HowFar, how_far
 from samrl_core.diagnosis.verdict.invariance import invariance_alarms
+from samrl_core.diagnosis.verdict.open_forms import keep_forms_open
 
 RUNNER_UPS = 5
 ATTEMPTS = 5  # sets that are judged at most
@@ -219,6 +220,7 @@ def judge_set(
     """A set with its verdict, and the indices of members that an alarm contradicts."""
     rng = np.random.default_rng(seed)
     evidence = Evidence(likelihood, selection.correlation_time)
+    selection, open_forms = keep_forms_open(likelihood, held, selection)
     chosen = selection.chosen
     named: tuple[NamedEffect, ...] = ()
     runner_ups: tuple[NamedEffect, ...] = ()
@@ -250,6 +252,8 @@ def judge_set(
     if outcome.verdict == "effect" and nothing_confirms(likelihood, selection, far, settings):
         outcome = not_confirmed(selection, named[0], runner_ups)
         named, runner_ups = _as_open(named, runner_ups, outcome.tied)
+    if outcome.verdict in ("effect", "ambiguous"):
+        outcome = replace(outcome, reasons=(*outcome.reasons, *open_forms))
     contradicted = tuple(
         i for i, n in enumerate(named) if any(a.startswith((f"{n.name}:", f"{n.name} ")) for a in alarms)
     )

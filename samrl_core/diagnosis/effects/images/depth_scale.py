@@ -25,6 +25,7 @@ class DepthScaleByImages(Effect[ImageTrial]):
         Parameter("b", "m", -0.03, 0.03, "offset"),
     )
     simulated = False
+    forms_may_be_one = True
 
     def forms(self, trial: ImageTrial, place: Place) -> tuple[Form[ImageTrial], ...]:
         scale = ImageColumns(

@@ -27,6 +27,7 @@ class IntrinsicsByImages(Effect[ImageTrial]):
         Parameter("cy", "1", -0.1, 0.1, "principal point, share of the height"),
     )
     simulated = False
+    forms_may_be_one = True
 
     def forms(self, trial: ImageTrial, place: Place) -> tuple[Form[ImageTrial], ...]:
         focal = ImageColumns(

@@ -248,6 +248,10 @@ def _conclude(
     if named and not place.items:
         outcome, place = rules.hidden_in_noise(named[0]), place.without_onsets()
     outcome, ambiguity, experiment = _find_experiment(case, likelihood, selection, named, outcome)
+    if outcome.verdict == "no_gap":
+        needed = _needed_evidence(selection, outcome, settings.verdict)
+        sooner = kind.show_sooner(evidence, selection.pool, needed)
+        outcome = replace(outcome, reasons=(*outcome.reasons, *sooner))
     effects = named if outcome.verdict in NAMING else ()
     diagnosis = replace(
         case.unjudged(),
@@ -365,12 +369,18 @@ def _least_sizes(
     evidence: Evidence, selection: Selection, outcome: rules.Decision, settings: rules.VerdictSettings
 ) -> tuple[LeastSize, ...]:
     """From which sizes on recordings show effects: where nothing was found, and where that costs little."""
-    needed = selection.threshold
-    if outcome.verdict == "no_gap" and selection.chosen is not None:
-        needed *= settings.clearly  # held-out recordings do not show what less evidence speaks for
-    elif outcome.verdict != "no_gap" and not evidence.likelihood.exact:
+    if outcome.verdict != "no_gap" and not evidence.likelihood.exact:
         return ()
+    needed = _needed_evidence(selection, outcome, settings)
     return tuple(least_sizes(evidence, selection.pool, needed))
+
+
+def _needed_evidence(selection: Selection, outcome: rules.Decision, settings: rules.VerdictSettings) -> float:
+    """Log evidence [nat] that a name would have needed."""
+    if outcome.verdict == "no_gap" and selection.chosen is not None:
+        # Held-out recordings do not show what less evidence speaks for.
+        return settings.clearly * selection.threshold
+    return selection.threshold
 
 
 def _version() -> str:

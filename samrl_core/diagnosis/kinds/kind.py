@@ -16,7 +16,7 @@ from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.result import Curve, Diagnosis, NextExperiment
 from samrl_core.diagnosis.selection.description import Misdescription
-from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
+from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, Hypothesis
 from samrl_core.diagnosis.verdict.how_far import HowFar
 from samrl_core.diagnosis.verdict.judge import Doubts
 
@@ -120,6 +120,16 @@ class Kind(ABC, Generic[R]):
     def information(self, likelihood: Likelihood, fit: Fit) -> dict[str, dict[str, float]]:
         """Least standard deviation of each parameter by effect that noise allows, were all else as stated."""
         return {}
+
+    def show_sooner(self, evidence: Evidence, pool: Sequence[Hypothesis], needed: float) -> list[str]:
+        """What other recordings would show of effects that these pass, where nothing was found.
+
+        Args:
+            evidence: of the fitted recordings.
+            pool: every effect at every place, form and shape that these can show.
+            needed: log evidence that a name needs [nat].
+        """
+        return []
 
     def finish(self, diagnosis: Diagnosis, trial: Observed) -> Diagnosis:
         """The report in the units of this system."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -10,6 +11,7 @@ import pytest
 
 from samrl_core.cell.types.image_recording import ImageTolerances
 from samrl_core.diagnosis.effects.images.lighting import EFFECT
+from samrl_core.diagnosis.kinds.images.light_advice import CARD, LOCKED, advise_on_light, light_seen_from
 from samrl_core.diagnosis.residuals.images.colors import TINTS, ComparedColors, compare_colors
 from samrl_core.diagnosis.residuals.images.image_trial import ImageTrial
 from samrl_core.diagnosis.residuals.images.rows import Rows
@@ -84,16 +86,30 @@ def test_a_colour_at_white_says_nothing_of_the_light() -> None:
     assert with_red[1] > 1.3 * told(0.0, darker, np.zeros(3), 0.0)[1]
 
 
-def cell(light: float, paint: np.ndarray, table: np.ndarray, tint: float) -> Evidence:
+@dataclass(frozen=True)
+class OfColors:
+    """What effects ask of a recording."""
+
+    tolerances: ImageTolerances
+    camera: str = "camera"
+    name: str = "A"
+    duration: float = 1.0
+
+
+def cell(
+    light: float, paint: np.ndarray, table: np.ndarray, tint: float, stated: ImageTolerances = STATED
+) -> Evidence:
     """Evidence of brightness alone, all noise as stated; arguments as of `told`."""
     of = compared(light, paint, table, tint)
     trial = cast(Any, object.__new__(ImageTrial))
-    trial.recording = SimpleNamespace(tolerances=STATED, camera="camera", name="A", duration=1.0)
+    trial.recording = OfColors(stated)
     trial.channels, trial.cached, trial.frames = ("color",), {}, ()
     arms = SimpleNamespace(
         camera_arm=SimpleNamespace(joint_names=()), tool_arm=SimpleNamespace(joint_names=())
     )
-    trial.constants = SimpleNamespace(scene=SimpleNamespace(body="block", cell=arms))
+    trial.constants = SimpleNamespace(
+        scene=SimpleNamespace(body="block", cell=arms, table_grey=float(TABLE[0]))
+    )
     trial._rows = {
         "color": Rows(of.value, np.zeros(len(of.value), dtype=int), of.noise, of.columns, of.surface)
     }
@@ -118,20 +134,37 @@ def test_half_of_the_lamps_of_the_least_size_are_named() -> None:
     down, up = np.log1p(said.stated)
     assert BLOCK[0] * np.exp(up) > 1.0, "no colour ends at white: the test shows nothing"
     assert up > 1.1 * -down, "as if all colours told of it"
-    rng, by = np.random.default_rng(0), STATED.deviation
+    assert 0.3 < _named(up, STATED) < 0.8
+    assert 0.3 < _named(down, STATED) < 0.8
 
-    def named(light: float) -> float:
-        count, of = 60, 0
-        for _ in range(count):
-            own = by * STATED.brightness * rng.standard_normal()
-            made = cell(
-                light + own,
-                _painted(rng.uniform(-1, 1, 3), by * STATED.shading * rng.standard_normal()),
-                by * STATED.table_paint * rng.standard_normal(3) @ [[1, 1, 1], *TINTS] / TABLE,
-                by * STATED.tint * rng.standard_normal(),
-            )
-            of += max(made.fit([h]).log_evidence for h in made.screen([EFFECT])) >= 8.0
-        return of / count
 
-    assert 0.3 < named(up) < 0.8
-    assert 0.3 < named(down) < 0.8
+def _named(light: float, stated: ImageTolerances) -> float:
+    """Share of cells with a light off by a logarithm in which it is named, all else off as is stated."""
+    rng, by, count, of = np.random.default_rng(0), stated.deviation, 60, 0
+    for _ in range(count):
+        own = by * stated.brightness * rng.standard_normal()
+        made = cell(
+            light + own,
+            _painted(rng.uniform(-1, 1, 3), by * stated.shading * rng.standard_normal()),
+            by * stated.table_paint * rng.standard_normal(3) @ [[1, 1, 1], *TINTS] / TABLE,
+            by * stated.tint * rng.standard_normal(),
+            stated,
+        )
+        of += max(made.fit([h]).log_evidence for h in made.screen([EFFECT])) >= 8.0
+    return of / count
+
+
+@pytest.mark.parametrize("known", [{"table_paint": CARD}, {"table_paint": CARD, "brightness": LOCKED}])
+def test_a_card_of_known_grey_shows_a_weaker_light_as_the_report_says(known: dict[str, float]) -> None:
+    """At the sizes that are advised every other light is named; without the card it passes."""
+    nominal = cell(0.0, np.zeros(3), np.zeros(3), 0.0)
+    before, after = light_seen_from(nominal, 8.0), light_seen_from(nominal, 8.0, **known)
+    assert before is not None and after is not None
+    (low, high), (down, up) = np.log1p(before.stated), np.log1p(after.stated)
+    assert 0.0 < up < 0.8 * high and 0.0 > down > 0.85 * low
+    assert 0.3 < _named(up, replace(STATED, **known)) < 0.8
+    assert 0.3 < _named(down, replace(STATED, **known)) < 0.8
+    assert _named(down, STATED) < 0.3
+    (said,) = advise_on_light(nominal, 8.0)
+    shown = " or ".join(f"{end:+.0%}" for end in after.stated)
+    assert shown in said and f"{TABLE[0]:.2f} of white" in said

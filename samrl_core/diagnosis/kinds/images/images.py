@@ -13,6 +13,7 @@ from samrl_core.diagnosis.effects import IMAGE_EFFECTS
 from samrl_core.diagnosis.export.recalibration import Recalibration
 from samrl_core.diagnosis.kinds.images.image_corrections import recalibration
 from samrl_core.diagnosis.kinds.images.image_suspects import image_suspicions
+from samrl_core.diagnosis.kinds.images.light_advice import advise_on_light
 from samrl_core.diagnosis.kinds.images.next_images import next_images
 from samrl_core.diagnosis.kinds.kind import Kind
 from samrl_core.diagnosis.residuals.images.image_trial import ImageTrial, prepared
@@ -20,7 +21,7 @@ from samrl_core.diagnosis.residuals.images.least_deviations import least_deviati
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.result import NextExperiment
-from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
+from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, Hypothesis
 from samrl_core.diagnosis.selection.whole_sizes import find_whole_sizes
 from samrl_core.diagnosis.verdict.how_far import HowFar
 
@@ -99,6 +100,10 @@ class Images(Kind[ImageRecording]):
 
     def doubts(self, evidence: Evidence, chosen: Fit | None, least: float) -> list[str]:
         return image_suspicions(evidence, chosen, least)
+
+    def show_sooner(self, evidence: Evidence, pool: Sequence[Hypothesis], needed: float) -> list[str]:
+        light = any(h.effect.family == "lighting" for h in pool)
+        return advise_on_light(evidence, needed) if light else []
 
     def next_experiment(
         self, likelihood: Likelihood, fits: Sequence[Fit], names: Sequence[str], seed: int

@@ -158,8 +158,11 @@ class ImageScene:
         return self._shade.numpy()[self.group == group].max(axis=0).astype(float)
 
     def lit_by(self, settings: ModelSettings) -> ImageScene:
-        """The same scene in the light of other settings."""
+        """The same scene in the light of other settings: colours of faces are drawn with it."""
+        from samrl_core.model.scene.scene_mesh import build_scene_mesh
+
         other = copy(self)
+        other.mesh = build_scene_mesh(self.scene, self.cell, settings)
         other._shade = other._shading(settings)
         return other
 

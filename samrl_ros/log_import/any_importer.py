@@ -111,20 +111,25 @@ def _with_logs(text: str, path: Path, logs: Sequence[Path], held_out: Sequence[P
             " and leave LOG out"
         )
     sources = {**general, **how}.get("sources")
-    if isinstance(sources, dict) and len(sources) != 1:
+    if isinstance(sources, dict) and len({_file_of(source) for source in sources.values()}) != 1:
         raise InputError(
             f"{path.name}: has sources {', '.join(map(str, sources))}, of which each recording names files; "
             "do so under `recordings` and leave LOG out"
         )
-    source = next(iter(sources)) if isinstance(sources, dict) else "log"  # a missing one is refused later
+    read = list(sources) if isinstance(sources, dict) else ["log"]  # missing ones are refused later
     names, held = _names([*logs, *held_out]), {log.resolve() for log in held_out}
     recordings = []
     for log, name in names.items():
-        about: dict[str, Any] = {**how, "name": name, "files": {source: str(log)}}
+        about: dict[str, Any] = {**how, "name": name, "files": dict.fromkeys(read, str(log))}
         if held_out:
             about["role"] = "held_out" if log in held else "fit"
         recordings.append(about)
     return yaml.safe_dump({**general, "recordings": recordings}, sort_keys=False, allow_unicode=True)
+
+
+def _file_of(source: Any) -> str:
+    """What a source reads; sources of one bag, or of one file, are read from another one together."""
+    return str(source.get("file")) if isinstance(source, dict) else str(source)
 
 
 def _names(logs: Sequence[Path]) -> dict[Path, str]:

@@ -10,6 +10,7 @@ from typing import Any
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_folder, is_there
 from samrl_ros.bags.reader import open_bag
+from samrl_ros.log_import.bag_set import bags_in
 from samrl_ros.log_import.body_importer import bodies_of
 from samrl_ros.log_import.draft.any_draft import draft_free_devices
 from samrl_ros.log_import.draft.guess import Draft
@@ -90,6 +91,8 @@ def refuse_questions(draft: Draft, paths: Sequence[Path], options: str = "") -> 
 def data_folder(draft: Draft, path: Path) -> Path:
     """Folder from which a draft's files count."""
     files = [source.get("file") for source in draft.sources.values()]
+    if bags_in(path):
+        return path
     if is_folder(path) and not is_bag(path) and not all(file == path.name for file in files):
         return path
     return path.parent.parent if any(str(file).startswith("{name}/") for file in files) else path.parent

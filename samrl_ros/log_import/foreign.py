@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -47,7 +48,12 @@ def runs_in(path: Path) -> list[Path]:
 
 
 def read_foreign(
-    path: Path, urdf: str | None, tolerances: Tolerances | None, effort: Effort, options: str = ""
+    path: Path,
+    urdf: str | None,
+    tolerances: Tolerances | None,
+    effort: Effort,
+    options: str = "",
+    given: Sequence[Path] = (),
 ) -> tuple[ArmRecording, tuple[str, ...]]:
     """Draft a mapping and import by it.
 
@@ -57,6 +63,7 @@ def read_foreign(
         tolerances: of the model, instead of the defaults.
         effort: what measured efforts are.
         options: of `samrl bag draft` for the same, as a refusal writes them.
+        given: all that the user named, which one draft serves; without it, the log.
 
     Raises:
         InputError: something about the log is not sure, or as `draft_mapping` and `import_recording`.
@@ -67,7 +74,7 @@ def read_foreign(
         raise InputError(
             f"{path} holds several recordings ({names}): name each file, and one of them by --held-out"
         )
-    refuse_questions(draft, [path], options)
+    refuse_questions(draft, given or [path], options)
     data = data_folder(draft, path)
     mapping = parse_mapping(as_yaml(draft), Path("the drafted mapping"))
     made = import_recording(mapping.recordings[0], mapping, data)

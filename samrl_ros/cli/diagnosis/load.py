@@ -12,18 +12,15 @@ from samrl_core.cell.types.body_recording import BodyTolerances
 from samrl_core.cell.types.pose_recording import PoseTolerances
 from samrl_core.cell.types.reading_recording import ReadingTolerances
 from samrl_core.common.errors import InputError
-from samrl_core.common.files import is_folder, is_there
+from samrl_core.common.files import is_there
 from samrl_core.common.text_files import parse_json, read_text
 from samrl_core.diagnosis.kinds.kind import Recording
 from samrl_core.diagnosis.nominal_model.nominal_model import NominalModel
 from samrl_core.diagnosis.recordings import check_held_out, check_recording, longest_whole, split
 from samrl_core.diagnosis.recordings.motion_check import no_motion
 from samrl_ros.cli.diagnosis.options import DiagnoseOptions
+from samrl_ros.log_import.bag_set import bags_in
 from samrl_ros.log_import.draft.guess import Effort
-from samrl_ros.log_import.formats.parquet import is_lerobot
-from samrl_ros.log_import.formats.rosbag import is_bag
-from samrl_ros.log_import.imported_files import INDEX
-from samrl_ros.log_import.tables import RARELY_LOGS, SUFFIXES
 from samrl_ros.recordings.arrays_by_role import restated
 from samrl_ros.recordings.body_file import body_roles, is_body_file, load_body_files
 from samrl_ros.recordings.pose_file import is_pose_file, load_pose_files, pose_roles
@@ -45,7 +42,8 @@ def load(options: DiagnoseOptions, model: NominalModel | None = None) -> Loaded:
     """
     if options.mapping is not None:
         return _load_mapped(options, options.mapping, model)
-    options = replace(options, bags=tuple(bag for path in options.bags for bag in bags_in(path)))
+    given = [*options.bags, *options.held_out]
+    options = replace(options, bags=tuple(bag for path in options.bags for bag in bags_in(path) or [path]))
     fit_paths, held_paths = _roles(options.bags, options.held_out)
     if options.camera:
         from samrl_ros.recordings.image_bag import load_image_bags
@@ -54,7 +52,7 @@ def load(options: DiagnoseOptions, model: NominalModel | None = None) -> Loaded:
     devices = _load_device_files(fit_paths, held_paths, options.tolerances)
     if devices is None and model is None:
         devices = _load_device_logs(options.bags, options.held_out, options.tolerances)
-    return _load_arms(options, fit_paths, held_paths, model) if devices is None else devices
+    return _load_arms(options, fit_paths, held_paths, model, given) if devices is None else devices
 
 
 def _load_mapped(options: DiagnoseOptions, mapping: Path, model: NominalModel | None) -> Loaded:
@@ -141,8 +139,13 @@ def _load_device_logs(
 
 
 def _load_arms(
-    options: DiagnoseOptions, fit_paths: list[Path], held_paths: list[Path], model: NominalModel | None
+    options: DiagnoseOptions,
+    fit_paths: list[Path],
+    held_paths: list[Path],
+    model: NominalModel | None,
+    given: Sequence[Path],
 ) -> Loaded:
+    """Logs of joints, drafted one by one; `given` are the paths that the user named, for messages."""
     from samrl_ros.log_import.foreign import runs_in
     from samrl_ros.recordings import read_tolerances
 
@@ -159,7 +162,7 @@ def _load_arms(
     for paths in (fit_paths, held_paths):
         group = []
         for path in paths:
-            recordings, more = read_log(path, urdf, tolerances, options.effort, drafted)
+            recordings, more = read_log(path, urdf, tolerances, options.effort, drafted, given)
             if apart:  # a folder each, under one name
                 recordings = tuple(replace(each, name=path.parent.name) for each in recordings)
                 more = [note.replace(path.name, f"{path.parent.name}/{path.name}", 1) for note in more]
@@ -212,9 +215,16 @@ def _of_one_arm(
 
 
 def read_log(
-    path: Path, urdf: str | None, tolerances: Tolerances | None, effort: Effort, drafted: str = ""
+    path: Path,
+    urdf: str | None,
+    tolerances: Tolerances | None,
+    effort: Effort,
+    drafted: str = "",
+    given: Sequence[Path] = (),
 ) -> tuple[tuple[ArmRecording, ...], list[str]]:
-    """Arms of one log, a bag with samrl's topics or another tool's, with notes; `drafted` as `read_foreign`.
+    """Arms of one log, a bag with samrl's topics or another tool's, with notes.
+
+    `drafted` and `given` as `options` and `given` of `read_foreign`.
 
     Raises:
         InputError: as `read_foreign` and `load_recordings`.
@@ -223,7 +233,7 @@ def read_log(
     from samrl_ros.recordings import load_recordings
 
     if is_foreign(path):
-        recording, more = read_foreign(path, urdf, tolerances, effort, drafted)
+        recording, more = read_foreign(path, urdf, tolerances, effort, drafted, given)
         return (recording,), [f"{path.name}: {note}" for note in more]
     bag = load_recordings(path, urdf=urdf, tolerances=tolerances)
     return bag.recordings, [f"{path.name}: {note}" for role in bag.notes for note in bag.notes[role]]
@@ -283,17 +293,6 @@ def _roles(bags: Sequence[Path], held_out: Sequence[Path]) -> tuple[list[Path], 
     if not held and len(fit) > 1:
         held = [fit.pop()]
     return fit, held
-
-
-def bags_in(path: Path) -> list[Path]:
-    """Bag folders in a folder that holds nothing else that could be meant, by name; any other path alone."""
-    if not is_folder(path) or is_bag(path) or is_there(path / INDEX):
-        return [path]
-    inside = sorted(path.iterdir())
-    logs = (file for file in inside if file.suffix.lower() in SUFFIXES and file.suffix not in RARELY_LOGS)
-    if is_lerobot(path) or any(logs):
-        return [path]
-    return [folder for folder in inside if is_folder(folder) and is_bag(folder)] or [path]
 
 
 def _moving_role(groups: Sequence[tuple[ArmRecording, ...]]) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from samrl_ros.log_import.bag_set import bags_of, spread
 from samrl_ros.log_import.draft.blocks import ROS_TYPES, numbers_of
 from samrl_ros.log_import.draft.bodies.body_draft import draft_bodies
 from samrl_ros.log_import.draft.bodies.seen_tracks import are_at_once, is_named_body, is_of_a_machine
@@ -26,7 +27,8 @@ def draft_any(
     """Draft a mapping; with a robot's description the log is one of its joints, or of a camera beside them.
 
     Args:
-        paths: as `draft_mapping`, or files of poses, bodies or readings.
+        paths: as `draft_mapping`, or files of poses, bodies or readings; several bags of one folder, or that
+            folder, are recordings of one machine, and the first by name is drafted for all.
         urdf: text of the robot's description, if there is one.
         urdf_file: where it lies.
         effort: what measured efforts are.
@@ -34,11 +36,16 @@ def draft_any(
     Raises:
         InputError: a log that cannot be read, or in which nothing was found.
     """
+    bags = bags_of(paths)
+    one = bags[:1] or paths
     if urdf is None:
-        drafted = draft_free_devices(paths)
+        drafted = draft_free_devices(paths)  # of several bags with poses or bodies, too
     else:
-        drafted = None if urdf_file is None else draft_joint_chain(paths, urdf, urdf_file)
-    return drafted or draft_mapping(paths, urdf, urdf_file, effort)
+        drafted = None if urdf_file is None else draft_joint_chain(one, urdf, urdf_file)
+    if drafted is None:
+        drafted = draft_mapping(one, urdf, urdf_file, effort)
+        return spread(drafted, bags) if len(bags) > 1 else drafted
+    return drafted
 
 
 def draft_free_devices(paths: Sequence[Path]) -> Draft | None:

@@ -172,8 +172,13 @@ def _header(store: Any, k: int, ros1: bool) -> Any:
     return store.types["std_msgs/msg/Header"](stamp=stamp, frame_id="", **({"seq": k} if ros1 else {}))
 
 
-def _bag(path: Path, ros1: bool) -> Path:
-    """Joint states in the URDF's wrong order beside a gripper, a controller's state, a description."""
+def _bag(path: Path, ros1: bool, late: int = 0) -> Path:
+    """Joint states in the URDF's wrong order beside a gripper, a controller's state, a description.
+
+    `late` samples turn the motion round, so that recordings differ.
+    """
+    motion = Motion(MOTION.time, *(np.roll(values, late, axis=0) for values in (
+        MOTION.position, MOTION.velocity, MOTION.target, MOTION.effort)))  # fmt: skip
     store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_JAZZY)
     if not ros1:
         for name, text in RELEASES[2].items():
@@ -195,22 +200,22 @@ def _bag(path: Path, ros1: bool) -> Path:
             message = store.types["sensor_msgs/msg/JointState"](
                 header=_header(store, k, ros1),
                 name=[*(JOINTS[i] for i in order), "finger"],
-                position=np.append(MOTION.position[k, order], 0.04),
-                velocity=np.append(MOTION.velocity[k, order], 0.0),
-                effort=np.append(MOTION.effort[k, order], 0.0),
+                position=np.append(motion.position[k, order], 0.04),
+                velocity=np.append(motion.velocity[k, order], 0.0),
+                effort=np.append(motion.effort[k, order], 0.0),
             )
             writer.write(states, 10**9 + k, encode(message, "sensor_msgs/msg/JointState"))
             if control is not None:
-                writer.write(control, 10**9 + k, store.serialize_cdr(_state(store, k), STATE))
+                writer.write(control, 10**9 + k, store.serialize_cdr(_state(store, k, motion), STATE))
     return path
 
 
-def _state(store: Any, k: int) -> Any:
+def _state(store: Any, k: int, motion: Motion = MOTION) -> Any:
     point = store.types["trajectory_msgs/msg/JointTrajectoryPoint"]
     free = store.types["trajectory_msgs/msg/MultiDOFJointTrajectoryPoint"]
     none = store.types["builtin_interfaces/msg/Duration"](sec=0, nanosec=0)
     empty = np.array([])
-    values = {"reference": MOTION.target[k], "feedback": MOTION.position[k]}
+    values = {"reference": motion.target[k], "feedback": motion.position[k]}
     points = {
         name: point(values.get(name, np.zeros(3)), empty, empty, empty, none)
         for name in ("reference", "feedback", "error", "output")
@@ -221,9 +226,9 @@ def _state(store: Any, k: int) -> Any:
     )
 
 
-def ros2_bag(folder: Path) -> Path:
-    return _bag(folder / "bag", ros1=False)
+def ros2_bag(folder: Path, late: int = 0) -> Path:
+    return _bag(folder / "bag", ros1=False, late=late)
 
 
-def ros1_bag(folder: Path) -> Path:
-    return _bag(folder / "a.bag", ros1=True)
+def ros1_bag(folder: Path, late: int = 0) -> Path:
+    return _bag(folder / "a.bag", ros1=True, late=late)

@@ -55,7 +55,20 @@ def read_foreign(
     options: str = "",
     given: Sequence[Path] = (),
 ) -> tuple[ArmRecording, tuple[str, ...]]:
-    """Draft a mapping and import by it.
+    """The first recording of `read_runs`, with notes."""
+    recordings, notes = read_runs(path, urdf, tolerances, effort, options, given)
+    return recordings[0], notes
+
+
+def read_runs(
+    path: Path,
+    urdf: str | None,
+    tolerances: Tolerances | None,
+    effort: Effort,
+    options: str = "",
+    given: Sequence[Path] = (),
+) -> tuple[list[ArmRecording], tuple[str, ...]]:
+    """Draft a mapping and import by it: one recording, or of a dataset one for each episode drafted.
 
     Args:
         path: of the log.
@@ -77,9 +90,17 @@ def read_foreign(
     refuse_questions(draft, given or [path], options)
     data = data_folder(draft, path)
     mapping = parse_mapping(as_yaml(draft), Path("the drafted mapping"))
-    made = import_recording(mapping.recordings[0], mapping, data)
-    recording = made.recording
-    if tolerances is not None:
-        recording = replace(recording, arm=replace(recording.arm, tolerances=tolerances))
-    reasons = tuple(f"{guess.key}: {guess.reason}" for guess in draft.guesses)
-    return replace(recording, name=path.stem, source=str(path)), (*reasons, *made.notes)
+    notes = [f"{guess.key}: {guess.reason}" for guess in draft.guesses]
+    recordings = []
+    for spec in mapping.recordings:
+        made = import_recording(spec, mapping, data)
+        several = len(mapping.recordings) > 1
+        name = f"{path.stem}_{spec.name}" if several else path.stem
+        recording = replace(
+            made.recording, name=name, source=f"{path} ({spec.name})" if several else str(path)
+        )
+        if tolerances is not None:
+            recording = replace(recording, arm=replace(recording.arm, tolerances=tolerances))
+        recordings.append(recording)
+        notes += [f"{spec.name}: {note}" if several else note for note in made.notes]
+    return recordings, tuple(notes)

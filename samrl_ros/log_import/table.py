@@ -100,11 +100,14 @@ def rows_as_column(rows: Sequence[Any]) -> np.ndarray | None:
 def as_column(value: np.ndarray) -> np.ndarray:
     """Floats (N,) or (N, K); rows lie along the longer side of a vector.
 
-    A stack of matrices is one sample per row, row by row; MATLAB stacks along the last axis.
+    A stack of matrices is one sample per row, row by row; MATLAB stacks along the last axis, and Simulink's
+    To Workspace gives a vector of J signals as (J, 1, N).
     """
     array = np.asarray(value, dtype=float)
     if array.ndim == 3 and array.shape[0] in (3, 4) and array.shape[1] <= 4 < array.shape[2]:
         array = np.moveaxis(array, 2, 0)
+    elif array.ndim == 3 and array.shape[1] == 1 and array.shape[0] < array.shape[2]:
+        array = array[:, 0, :].T
     if array.ndim <= 1 or (array.ndim == 2 and 1 in array.shape):
         return array.reshape(-1)
     if array.ndim > 2:

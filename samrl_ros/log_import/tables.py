@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,7 +15,12 @@ from samrl_core.common.files import is_file, is_folder
 from samrl_ros.log_import.formats.arrays import read_mat_table, read_numpy_table
 from samrl_ros.log_import.formats.hdf5 import read_hdf5_table
 from samrl_ros.log_import.formats.json_log import read_json_table
-from samrl_ros.log_import.formats.parquet import is_lerobot, read_lerobot_table, read_parquet_table
+from samrl_ros.log_import.formats.parquet import (
+    is_lerobot,
+    read_feather_table,
+    read_lerobot_table,
+    read_parquet_table,
+)
 from samrl_ros.log_import.formats.rosbag import is_bag, read_topic_table
 from samrl_ros.log_import.formats.text import read_text_table
 from samrl_ros.log_import.formats.torch_file import read_torch_table
@@ -49,6 +54,9 @@ FORMATS = (
     _Format((".mat",), lambda path, part, csv, where: read_mat_table(path, where), parts=False),
     _Format((".parquet",), lambda path, part, csv, where: read_parquet_table(path, where), parts=False),
     _Format(
+        (".feather", ".arrow"), lambda path, part, csv, where: read_feather_table(path, where), parts=False
+    ),
+    _Format(
         (".json", ".jsonl"), lambda path, part, csv, where: read_json_table(path, part, where), parts=True
     ),
     _Format((".yaml", ".yml"), lambda path, part, csv, where: read_yaml_table(path, part, where), parts=True),
@@ -56,6 +64,19 @@ FORMATS = (
     _Format((".h5", ".hdf5"), lambda path, part, csv, where: read_hdf5_table(path, part, where), parts=True),
 )
 SUFFIXES = tuple(suffix for each in FORMATS for suffix in each.suffixes)
+# Files that people have instead of a log, and what makes one of them.
+_REMEDIES = {
+    ".pkl": "a pickle may run code, so none is read; pandas.read_pickle(...).to_parquet('log.parquet')",
+    ".pickle": "a pickle may run code, so none is read; pandas.read_pickle(...).to_parquet('log.parquet')",
+    ".xlsx": "save the sheet as CSV, or pandas.read_excel(...).to_csv('log.csv', index=False)",
+    ".xls": "save the sheet as CSV, or pandas.read_excel(...).to_csv('log.csv', index=False)",
+    ".gz": "unpack it (gunzip)",
+    ".zip": "unpack it (unzip)",
+    ".zst": "unpack it (zstd -d)",
+    ".tfrecord": "read it with tensorflow_datasets, and numpy.savez('log.npz', time=..., q=..., tau=...)",
+    ".slx": "a Simulink model; log signals with To Workspace blocks and save(..., '-v7')",
+    ".mldatx": "Simulink's archive; export its signals to timetables, and those to CSV",
+}
 # Beside other logs these are settings, notes and weights; they are logs where they are named, or alone.
 RARELY_LOGS = (".yaml", ".yml", ".pt", ".pth")
 _HEAD = 1 << 13  # bytes of a file of an unknown kind that are looked at
@@ -79,6 +100,14 @@ def is_text_table(path: Path) -> bool:
     lines = [line for line in head.decode("latin-1").splitlines()[:-1] if line.strip()]
     rows = [line for line in lines if len(_NUMBERS.findall(line)) > 1 and not _WORDS.search(line)]
     return len(rows) > 2 and 2 * len(rows) > len(lines)
+
+
+def remedy_of(paths: Sequence[Path]) -> str:
+    """What makes a log of files of known kinds that are not read, as the end of a message; else empty."""
+    for path in paths:
+        if remedy := _REMEDIES.get(path.suffix.lower()):
+            return f"; {path.name}: {remedy}"
+    return ""
 
 
 def read_table(path: Path, options: CsvOptions, where: str, part: str = "") -> Table:
@@ -116,7 +145,7 @@ def read_table(path: Path, options: CsvOptions, where: str, part: str = "") -> T
     if found is None:
         raise InputError(
             f"{where}: {path.name} is of unknown kind; use {', '.join(SUFFIXES)}, a table in text under any"
-            " name, a bag or a LeRobot dataset"
+            f" name, a bag or a LeRobot dataset{remedy_of([path])}"
         )
     if part and not found.parts:
         raise InputError(f"{where}: a {suffix} file has no parts, so no {part!r}; leave `part` out")

@@ -162,11 +162,11 @@ def _load_arms(
     for paths in (fit_paths, held_paths):
         group = []
         for path in paths:
-            recordings, more = read_log(path, urdf, tolerances, options.effort, drafted, given)
+            runs, more = read_log(path, urdf, tolerances, options.effort, drafted, given)
             if apart:  # a folder each, under one name
-                recordings = tuple(replace(each, name=path.parent.name) for each in recordings)
+                runs = [tuple(replace(each, name=path.parent.name) for each in run) for run in runs]
                 more = [note.replace(path.name, f"{path.parent.name}/{path.name}", 1) for note in more]
-            group.append(recordings)
+            group += runs
             notes += more
         groups.append(group)
     return _of_one_arm(options, model, *groups, notes)
@@ -221,22 +221,22 @@ def read_log(
     effort: Effort,
     drafted: str = "",
     given: Sequence[Path] = (),
-) -> tuple[tuple[ArmRecording, ...], list[str]]:
-    """Arms of one log, a bag with samrl's topics or another tool's, with notes.
+) -> tuple[list[tuple[ArmRecording, ...]], list[str]]:
+    """Recordings of one log by arm, a bag with samrl's topics or another tool's, with notes.
 
-    `drafted` and `given` as `options` and `given` of `read_foreign`.
+    A dataset of episodes has several. `drafted` and `given` as `options` and `given` of `read_runs`.
 
     Raises:
-        InputError: as `read_foreign` and `load_recordings`.
+        InputError: as `read_runs` and `load_recordings`.
     """
-    from samrl_ros.log_import.foreign import is_foreign, read_foreign
+    from samrl_ros.log_import.foreign import is_foreign, read_runs
     from samrl_ros.recordings import load_recordings
 
     if is_foreign(path):
-        recording, more = read_foreign(path, urdf, tolerances, effort, drafted, given)
-        return (recording,), [f"{path.name}: {note}" for note in more]
+        recordings, more = read_runs(path, urdf, tolerances, effort, drafted, given)
+        return [(each,) for each in recordings], [f"{path.name}: {note}" for note in more]
     bag = load_recordings(path, urdf=urdf, tolerances=tolerances)
-    return bag.recordings, [f"{path.name}: {note}" for role in bag.notes for note in bag.notes[role]]
+    return [bag.recordings], [f"{path.name}: {note}" for role in bag.notes for note in bag.notes[role]]
 
 
 def load_one(path: Path, options: DiagnoseOptions) -> tuple[ArmRecording, list[str]]:
@@ -247,7 +247,8 @@ def load_one(path: Path, options: DiagnoseOptions) -> tuple[ArmRecording, list[s
     """
     if not is_there(path):
         raise InputError(f"{path} does not exist; give a bag or a log")
-    recordings, notes = read_log(path, None, None, options.effort)
+    (recordings, *others), notes = read_log(path, None, None, options.effort)
+    notes += [f"{path.name}: of its recordings, {recordings[0].name} is compared"] if others else []
     role = options.arm or _moving_role([recordings])
     found = [r for r in recordings if r.arm.role == role]
     if not found:

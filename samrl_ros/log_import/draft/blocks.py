@@ -11,8 +11,11 @@ import pandas as pd
 
 from samrl_core.common.errors import InputError
 from samrl_ros.log_import.draft.column_names import is_time, split_names
+from samrl_ros.log_import.draft.evidence import runs_on
 from samrl_ros.log_import.draft.joints.arm_messages import ARM_MESSAGES, labels_of_array
 from samrl_ros.log_import.draft.text_layout import text_options
+from samrl_ros.log_import.formats.hdf5 import SUFFIXES as HDF5
+from samrl_ros.log_import.formats.hdf5 import demonstrations
 from samrl_ros.log_import.formats.parquet import is_lerobot
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics
 from samrl_ros.log_import.formats.transform_tree import KINDS, describe_tree
@@ -67,7 +70,7 @@ class LogPart:
     kind: str  # message type of ROS_TYPES, or empty
     table: Table
     blocks: tuple[LogBlock, ...]
-    times: tuple[str, ...]  # columns of numbers that may be time
+    times: tuple[str, ...]  # columns of numbers that are named as time, those that run on first
     dates: tuple[str, ...]  # columns of text that may be time
     csv: CsvOptions = CsvOptions()  # how the file is written
 
@@ -132,19 +135,7 @@ def _nothing_found(parts: Sequence[LogPart]) -> str:
 
 def _parts(path: Path) -> list[str]:
     """Groups of an HDF5 file, of robomimic's kind the first demonstration; else the file as one."""
-    if path.suffix.lower() not in (".h5", ".hdf5"):
-        return [""]
-    import h5py
-
-    from samrl_ros.log_import.formats.hdf5 import groups
-
-    try:
-        with h5py.File(path, "r") as file:
-            found = groups(file)
-    except OSError as error:
-        raise InputError(f"{path} cannot be read as HDF5: {error}") from error
-    demonstration = next((group for group in found if group.startswith("data/demo_")), None)
-    return ["/".join(demonstration.split("/")[:2])] if demonstration else [""]
+    return (demonstrations(path)[:1] if path.suffix.lower() in HDF5 else []) or [""]
 
 
 def _part(path: Path, part: str, kind: str, joints: Sequence[str]) -> LogPart:
@@ -153,7 +144,8 @@ def _part(path: Path, part: str, kind: str, joints: Sequence[str]) -> LogPart:
     arrays = {name: values for name in table.columns if (values := numbers_of(table, name)) is not None}
     long = {name: values for name, values in arrays.items() if len(values) >= _LEAST}
     flat = [name for name, values in long.items() if values.ndim == 1 and not _counts(name, values)]
-    times = tuple(name for name in flat if is_time(name) and name not in _STAMPS)
+    named = (name for name in flat if is_time(name) and name not in _STAMPS)
+    times = tuple(sorted(named, key=lambda name: -runs_on(long[name])))
     dates = tuple(name for name in table.columns if name not in arrays and is_time(name))
     blocks = []
     for stem, members in split_names([name for name in flat if name not in times], joints).items():

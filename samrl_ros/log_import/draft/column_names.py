@@ -18,21 +18,23 @@ QUANTITIES = {
     " counts encoder enc tick ticks winkel",
     "velocity": "dq dtheta qdot qvel vel velocity velocities speed speeds omega rpm dps drehzahl",
     "acceleration": "ddq ddtheta qddot acc accel acceleration accelerations",
-    "effort": "tau torque torques effort efforts moment force forces nm mnm knm cnm ncm nmm drehmoment kraft",
+    "effort": "tau trq torque torques effort efforts moment force forces nm mnm knm cnm ncm nmm drehmoment"
+    " kraft",
     "current": "current currents cur curr amps amp ampere iq strom",
     "voltage": "voltage voltages volt volts pwm duty spannung",
     "temperature": "temperature temp temperatures celsius",
 }
 COMMANDED = "cmd command commanded commands target targets ref reference desired des goal goals setpoint"
-COMMANDED += " set point action wanted control d soll sol actions"
+COMMANDED += " set point action wanted control d soll sol actions commands setpoints references"
 MEASURED = "actual act meas measured feedback state states obs observation present real process value ist"
 MEASURED += " sensor"
-COMPUTED = "error err output residual integral multi last prev previous"
+COMPUTED = "error err output residual integral multi last prev previous next computed safened cos sin"
 # Of a torque: a share that somebody worked out of it, or its rate.
 SHARES = "ext external hat interact interaction gravity g coriolis friction contact disturbance dot rate ff"
 SHARES += " feedforward"
 ENABLED = frozenset("enable enabled".split())  # whether a drive gives torque: torque_enable
 TIME = "t time times timestamp timestamps stamp stamps tstamp tstamps sec secs seconds ms us ns clock zeit"
+TIME += " duration tout"
 UNIT_WORDS = {
     "rad": "rad", "radian": "rad", "radians": "rad",
     "deg": "deg", "degrees": "deg", "degree": "deg", "rpm": "rpm", "nm": "N m", "ms": "ms",
@@ -95,13 +97,26 @@ def meaning(name: str) -> NameMeaning:
     found = set(words)
     if found & ENABLED:
         return NameMeaning("enabled")
+    role = _last_role(name)
     return NameMeaning(
         quantity=quantity,
-        commanded=bool(found & _COMMANDED),
-        measured=bool(found & _MEASURED),
+        commanded=bool(role & _COMMANDED),
+        measured=bool(role & _MEASURED),
         computed=bool(found & _COMPUTED) or (quantity == "effort" and bool(found & _SHARES)),
         unit=units[-1] if units else "",
     )
+
+
+def says_commanded(name: str) -> bool:
+    """Whether any word of a name is one of commands."""
+    return bool(set(words_in(name)) & _COMMANDED)
+
+
+def _last_role(name: str) -> set[str]:
+    """Words of the last part of a path that says who the number is of: `action.robot_state.q` is a state."""
+    parts = [set(words_in(part)) for part in re.split(r"[./]", name)]
+    said = [part for part in parts if part & (_COMMANDED | _MEASURED)]
+    return said[-1] if said else set()
 
 
 def _rate_in(words: Sequence[str]) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 _WINDOW_S = 0.1  # over which increments are compared; noise averages out, motion does not
-_AGREES = 0.9  # correlation from which increments are taken as those of one motion
+AGREES = 0.9  # correlation from which increments are taken as those of one motion
 _MOVES = 1e-6  # of a block's own size: less is a joint at rest
 _RATIOS = {  # position's unit over that of the velocity [1/s]
     ("rad", "rad/s"): 1.0,
@@ -19,6 +19,7 @@ _RATIOS = {  # position's unit over that of the velocity [1/s]
     ("mm", "mm/s"): 1.0,
     ("mm", "m/s"): 1000.0,
 }
+_BACK, _ON = 0.1, 0.5  # of the steps: that a clock may go back, and that it goes on in most rows
 _NEAR = 0.15  # relative error of a ratio up to which it is that of the units
 
 
@@ -57,7 +58,7 @@ def fit_rate(time: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> Ra
 
 def velocity_unit(position_unit: str, fit: RateFit) -> str:
     """Unit of a velocity whose ratio to the position's rate is known; empty where none fits."""
-    if fit.correlation < _AGREES:
+    if fit.correlation < AGREES:
         return ""
     for (one, other), ratio in _RATIOS.items():
         if one == position_unit and abs(fit.ratio / ratio - 1.0) < _NEAR:
@@ -79,6 +80,18 @@ def follows(time: np.ndarray, position: np.ndarray, other_time: np.ndarray, othe
         return 0.0
     products = (here * there).sum(axis=0)[moving]
     return float(np.median(products / np.sqrt((here**2).sum(axis=0) * (there**2).sum(axis=0))[moving]))
+
+
+def runs_on(values: np.ndarray) -> int:
+    """Whether numbers (N,) can be a clock's: 2 if they grow, 1 if they grow in some steps, else 0.
+
+    A latency in ms goes up and down, and a still column tells no row from the next. Where runs stand below
+    each other a clock goes back now and then.
+    """
+    steps = np.diff(values[np.isfinite(values)])
+    if not len(steps) or (steps < 0).mean() > _BACK or not (steps > 0).any():
+        return 0
+    return 2 if (steps > 0).mean() > _ON else 1
 
 
 def time_unit(steps: np.ndarray) -> list[str]:

@@ -30,7 +30,7 @@ class Guess:
     key: str  # path in the mapping, such as channels.states.position
     reason: str
     question: str = ""  # what the user has to confirm or answer; empty where the log itself is proof
-    asks: str = ""  # for `order`, `unit` or `torque_unit`, which a model's limits and torques may answer
+    asks: str = ""  # for what: `order`, `unit`, `torque_unit`, `rate`; a model or a velocity may tell it
 
     @property
     def sure(self) -> bool:
@@ -82,6 +82,12 @@ class Draft:
     def add_reason(self, asks: str, reason: str) -> None:
         """A further reason beside an open question."""
         self._change(asks, lambda guess: replace(guess, reason=f"{guess.reason}; {reason}"))
+
+    def ask_anew(self, asks: str, reason: str, question: str) -> None:
+        """Put the question for something in another way, by a further reason."""
+        self._change(
+            asks, lambda guess: replace(guess, reason=f"{guess.reason}; {reason}", question=question)
+        )
 
     def _change(self, asks: str, change: Callable[[Guess], Guess]) -> None:
         self.guesses = [change(guess) if guess.asks == asks else guess for guess in self.guesses]

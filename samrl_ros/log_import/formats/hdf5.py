@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,8 @@ import numpy as np
 
 from samrl_core.common.errors import InputError
 from samrl_ros.log_import.table import WIDEST, Table, as_column
+
+SUFFIXES = (".h5", ".hdf5")
 
 
 def read_hdf5_table(path: Path, group: str, where: str, matlab: bool = False) -> Table:
@@ -45,6 +48,26 @@ def read_hdf5_table(path: Path, group: str, where: str, matlab: bool = False) ->
             raise InputError(f"{where}: {path.name} has no group {group!r}; it has {', '.join(groups(file))}")
         start.visititems(visit)
     return table
+
+
+def demonstrations(path: Path) -> list[str]:
+    """Groups of robomimic's and Isaac Lab's demonstrations, `data/demo_0` on, by number; else none.
+
+    Raises:
+        InputError: h5py is not installed, or the file cannot be read.
+    """
+    try:
+        import h5py  # optional
+    except ImportError as error:
+        raise InputError(f"{path} is an HDF5 file; `pip install h5py` (extra `logs`)") from error
+    try:
+        with h5py.File(path, "r") as file:
+            data = file.get("data")
+            names = list(data) if isinstance(data, h5py.Group) else []
+    except OSError as error:
+        raise InputError(f"{path} cannot be read as HDF5: {error}") from error
+    numbers = sorted(int(m[1]) for name in names if (m := re.fullmatch(r"demo_(\d+)", name)))
+    return [f"data/demo_{number}" for number in numbers]
 
 
 def groups(file: Any) -> list[str]:

@@ -1,4 +1,4 @@
-"""Parquet files, and LeRobot datasets (v2.0, v2.1, v3.0): a folder of them, of which an episode is a part."""
+"""Parquet and Feather files, and LeRobot datasets (v2.0, v2.1, v3.0): a folder, an episode is a part."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from samrl_core.common.text_files import parse_json, read_text
 from samrl_ros.log_import.table import WIDEST, Table, rows_as_column
 
 _INFO = Path("meta/info.json")
+_TICKS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}  # of a date, in a second
 MOST_EPISODES = 2_000_000  # of a dataset; the largest public ones have about one
 
 
@@ -24,6 +25,14 @@ def is_lerobot(path: Path) -> bool:
 def read_parquet_table(path: Path, where: str) -> Table:
     """A Parquet file. Raises `InputError` where pyarrow is missing or cannot read it."""
     return _table(path, _arrow(path, where).read_table(path), {})
+
+
+def read_feather_table(path: Path, where: str) -> Table:
+    """A Feather (Arrow IPC) file. Raises `InputError` where pyarrow is missing or cannot read it."""
+    _arrow(path, where)
+    from pyarrow import feather
+
+    return _table(path, feather.read_table(path), {})
 
 
 def read_lerobot_table(path: Path, part: str, where: str) -> Table:
@@ -104,6 +113,8 @@ def _table(path: Path, arrow: Any, names: dict[str, list[str]]) -> Table:
             if values is None or values.ndim != 2 or values.shape[1] > WIDEST:
                 table.notes.append(f"{name} holds lists of different length; left out")
                 continue
+        elif pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
+            values = _seconds(column)
         elif pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind):
             values = np.asarray(column.to_numpy(), dtype=float)
         else:
@@ -113,3 +124,11 @@ def _table(path: Path, arrow: Any, names: dict[str, list[str]]) -> Table:
         if values.ndim == 2 and values.shape[1] == len(labels) == len(set(labels)):
             table.columns |= {f"{name}.{label}": values[:, k] for k, label in enumerate(labels)}
     return table
+
+
+def _seconds(column: Any) -> np.ndarray:
+    """Dates [s since 1970] or durations [s] of pandas (N,); missing ones are NaN."""
+    moments = np.asarray(column.to_numpy())
+    unit = np.datetime_data(moments.dtype)[0]
+    ticks = moments.astype("int64").astype(float)
+    return np.where(np.isnat(moments), np.nan, ticks / _TICKS[unit])

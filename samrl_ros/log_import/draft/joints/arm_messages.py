@@ -19,6 +19,12 @@ _POSITION, _VELOCITY, _EFFORT = (
 )
 _ASKED, _ASKED_RATE = (NameMeaning(quantity, commanded=True) for quantity in ("position", "velocity"))
 _ELSE = NameMeaning(computed=True)
+_OF_UR = (
+    "shoulder_pan_joint",
+    "shoulder_lift_joint",
+    "elbow_joint",
+    *(f"wrist_{k}_joint" for k in (1, 2, 3)),
+)
 _NUMBERED = re.compile(r"(.*?)(\d+)$")
 
 
@@ -93,6 +99,15 @@ def numbered_joints(count: int, joints: Sequence[str]) -> tuple[str, ...]:
             rows.setdefault(found[1], {})[int(found[2])] = joint
     whole = [row for row in rows.values() if sorted(row) == list(range(1, count + 1))]
     return tuple(whole[0][k] for k in range(1, count + 1)) if len(whole) == 1 else ()
+
+
+def universal_robots(joints: Sequence[str]) -> tuple[str, ...]:
+    """Joints of a description that are called as Universal Robots' are, from the base on; else empty.
+
+    RTDE counts them in this order: "0: Base, 1: Shoulder, 2: Elbow, 3: Wrist1, 4: Wrist2, 5: Wrist3".
+    """
+    named = [[joint for joint in joints if joint.endswith(name)] for name in _OF_UR]
+    return tuple(one[0] for one in named) if all(len(one) == 1 for one in named) else ()
 
 
 def is_libfranka(stems: Sequence[str]) -> bool:

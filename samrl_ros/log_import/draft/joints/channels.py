@@ -25,7 +25,7 @@ _MOVES_WITH = 0.98  # correlation from which a block of an unknown name is taken
 _LIES_ON = 0.2  # of a joint's motion, within which a set point stays from its position
 
 
-def _beside(
+def beside(
     found: list[NamedBlock], position: NamedBlock, order: list[str], quantity: str
 ) -> list[NamedBlock]:
     """Measured blocks of a quantity in the same part, with the same joints.
@@ -43,7 +43,14 @@ def _beside(
         and (position.meaning.measured or quantity == "effort" or not c.meaning.measured)
         and set(order) <= set(c.block.labels)
     ]
-    return sorted(there, key=lambda c: c.meaning.measured != position.meaning.measured)
+    stem = position.block.stem
+    return sorted(
+        there,
+        key=lambda c: (
+            c.meaning.measured != position.meaning.measured,
+            -_alike(stem, c.block.stem),  # of DROID's two states, that of the position
+        ),
+    )
 
 
 def _elsewhere(found: list[NamedBlock], position: NamedBlock, order: list[str]) -> list[NamedBlock]:
@@ -58,7 +65,12 @@ def _elsewhere(found: list[NamedBlock], position: NamedBlock, order: list[str]) 
         and set(order) <= set(c.block.labels)
     ]
     place = _place(position)
-    return sorted(there, key=lambda c: -sum(1 for _ in takewhile(bool, map(str.__eq__, place, _place(c)))))
+    return sorted(there, key=lambda c: -_alike(place, _place(c)))
+
+
+def _alike(one: str, other: str) -> int:
+    """How many letters two names begin with alike."""
+    return sum(1 for _ in takewhile(bool, map(str.__eq__, one, other)))
 
 
 def _place(each: NamedBlock) -> str:
@@ -76,7 +88,7 @@ def add_velocity(
 ) -> list[NamedBlock]:
     """The measured velocity if it integrates to the position, else its derivative; the blocks used."""
     key = "channels.states.velocity"
-    recorded = _beside(found, position, order, "velocity")[:1]
+    recorded = beside(found, position, order, "velocity")[:1]
     for each in recorded:
         both = each.block.rows & position.block.rows
         fit = evidence.fit_rate(
@@ -207,9 +219,9 @@ def add_effort(
         draft.channels["commanded_effort"] = {"source": "states", "effort": [0.0] * len(order)}
         return []
     currents = [c for c in found if c.meaning.quantity in ("current", "voltage")]
-    measured = _beside(found, position, order, "effort") or _elsewhere(found, position, order)
+    measured = beside(found, position, order, "effort") or _elsewhere(found, position, order)
     if not measured and effort is not Effort.none:
-        inputs = [c for q in ("voltage", "current") for c in _beside(found, position, order, q)]
+        inputs = [c for q in ("voltage", "current") for c in beside(found, position, order, q)]
         inputs += [c for c in currents if c.meaning.commanded and set(order) <= set(c.block.labels)]
         if inputs and "command" not in draft.channels:
             return add_motor_input(inputs[0], position, order, draft)

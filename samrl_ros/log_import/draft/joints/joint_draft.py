@@ -2,34 +2,39 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from samrl_core.common.errors import InputError
 from samrl_ros.log_import.draft.blocks import LogBlock, LogPart, read_parts
-from samrl_ros.log_import.draft.column_names import SLOT, NameMeaning, meaning, words_in
+from samrl_ros.log_import.draft.column_names import SLOT, NameMeaning, meaning, says_commanded, words_in
 from samrl_ros.log_import.draft.guess import Draft, Effort
 from samrl_ros.log_import.draft.joints.arm_messages import (
     ARM_MESSAGES,
     is_libfranka,
     labels_of_array,
     numbered_joints,
+    universal_robots,
 )
 from samrl_ros.log_import.draft.joints.channels import add_command, add_effort, add_velocity
 from samrl_ros.log_import.draft.joints.named_blocks import (
     asked_of_still,
     by_one_unit,
+    label_by_name,
     nothing_measured,
+    without_relative,
     without_tool,
 )
 from samrl_ros.log_import.draft.joints.named_sources import NamedBlock, add_source, name_of, quantity_of
-from samrl_ros.log_import.draft.joints.run_files import files_in, recordings_of, runs_alike
+from samrl_ros.log_import.draft.joints.run_files import (
+    files_in,
+    recordings_in,
+    recordings_of,
+    runs_alike,
+)
 from samrl_ros.log_import.draft.joints.speed_alone import integrate_speeds
 from samrl_ros.log_import.draft.joints.told_by_model import (
     is_reversed,
@@ -39,6 +44,7 @@ from samrl_ros.log_import.draft.joints.told_by_model import (
     told_by_model,
 )
 from samrl_ros.log_import.draft.joints.torque_switch import add_torque_switch
+from samrl_ros.log_import.draft.joints.unnamed_rate import rate_by_velocity
 from samrl_ros.log_import.draft.joints.whole_turns import (
     TURNS,
     move_into_limits,
@@ -47,12 +53,10 @@ from samrl_ros.log_import.draft.joints.whole_turns import (
     turn_of,
     unit_of_steps,
 )
-from samrl_ros.log_import.formats.parquet import episodes, is_lerobot
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics, read_text_topic
 from samrl_ros.recordings.read import chained_joints, moving_joints
 
 _NAMED = 4  # of columns that may be meant instead, in a question
-_MOST_EPISODES = 20  # of a dataset, that become recordings
 _RTDE = ("actual_q_{}", "target_q_{}")  # Universal Robots, Real-Time Data Exchange guide
 _COUNTED = frozenset("counts count encoder enc tick ticks".split())
 _FULL_TURNS = 4 * np.pi  # [rad] more than a joint of an arm turns: degrees
@@ -98,19 +102,20 @@ def draft_mapping(
     found = [
         NamedBlock(part, block, _meaning(part, block, several)) for part in parts for block in part.blocks
     ]
-    found = without_tool(found, draft)
+    found = without_relative(without_tool(found, draft), draft)
     position = _measured_position(found, joints, draft)
     order = _joints(position, joints, urdf, draft)
-    found = [_label_by_name(each, order) for each in found]
-    draft.recordings += recordings_of(runs, draft) if runs else _recordings(files)
+    found = [label_by_name(each, order) for each in found]
+    draft.recordings += recordings_of(runs, draft) if runs else recordings_in(files, draft)
     alone = position.meaning.quantity == "velocity"
     unit = "" if alone else _position_unit(position, draft)
-    time, turn = add_source(position.part, "states", draft), 0.0
+    time, turn = add_source(position.part, "states", draft, position.block.stem), 0.0
     if alone:
         speed = position
         position, unit, used = integrate_speeds(found, speed, order, time, draft)
         found = [position if each.block is speed.block else each for each in found]
     else:
+        time = rate_by_velocity(found, position, order, unit, time, draft)
         states = {"source": "states", "position": quantity_of(position, order, unit, draft, "states")}
         draft.channels["states"] = states
         if turn := turn_of(position, unit):
@@ -200,37 +205,6 @@ def _leaves_gravity_out(
     return is_without_gravity(urdf, draft.joints, time[rows], q, unit, tau)
 
 
-def _label_by_name(each: NamedBlock, order: Sequence[str]) -> NamedBlock:
-    """A block whose columns are numbered, labelled as the positions are: `joint1_pos` stands beside `tau1`.
-
-    Numbers are those that the joints' names end with; what a log of one joint numbers or not is of that one.
-    """
-    labels = each.block.labels
-    if set(order) <= set(labels) or any(label and not label.isdecimal() for label in labels):
-        return each
-    number = {m[1]: joint for joint in order if (m := re.search(r"(\d+)\D*$", joint))}
-    if len(order) == len(labels) == 1:
-        named = tuple(order)
-    elif len(number) == len(order) and set(number) == set(labels):
-        named = tuple(number[label] for label in labels)
-    else:
-        return each
-    return replace(each, block=replace(each.block, labels=named))
-
-
-def _recordings(files: list[Path]) -> list[dict[str, Any]]:
-    """One; of a LeRobot dataset one per episode, of which the last is held out."""
-    if len(files) == 1 and is_lerobot(files[0]):
-        numbers = episodes(files[0])[:_MOST_EPISODES]
-        roles = ["fit"] * (len(numbers) - 1) + ["held_out" if len(numbers) > 1 else "fit"]
-        return [
-            {"name": f"episode_{number}", "role": role, "parts": {"states": number}}
-            for number, role in zip(numbers, roles, strict=True)
-        ]
-    name = files[0].stem if len(files) == 1 else files[0].parent.name
-    return [{"name": name or "log", "role": "fit"}]
-
-
 def _described(files: list[Path], draft: Draft) -> str | None:
     """A bag's own robot description."""
     for file in files:
@@ -291,9 +265,12 @@ def _measured_position(found: list[NamedBlock], joints: Sequence[str], draft: Dr
             len(set(c.block.labels) & set(joints)),
             c.part.kind == "sensor_msgs/msg/JointState",
             bool(np.ptp(c.block.values, axis=0).any()),
+            # Joints beyond the URDF's, such as fingers, are worth nothing; a broadcaster's 1 kHz is.
+            *((c.meaning.measured, len(c.block.values)) if joints else ()),
             len(c.block.labels),
             c.meaning.measured,
             len(c.block.values),
+            not says_commanded(c.block.stem),  # of a state that an action repeats
         ),
     )
     rivals = [c for c in fits if c.block is not best.block and len(c.block.labels) == len(best.block.labels)]
@@ -334,6 +311,10 @@ def _joints(position: NamedBlock, joints: Sequence[str], urdf: str | None, draft
         draft.joints = arms
         draft.note("joints", "the message counts the joints from the base to the flange")
         return list(labels)
+    if position.block.stem in _RTDE and set(labels) == set("012345") and (arms := universal_robots(joints)):
+        draft.joints = list(arms)
+        draft.note("joints", "Universal Robots' RTDE counts the joints from the base to wrist 3")
+        return list("012345")
     numbered = numbered_joints(len(labels), joints)
     if numbered and sorted(labels) == sorted(str(k + 1) for k in range(len(labels))):
         draft.joints = list(numbered)

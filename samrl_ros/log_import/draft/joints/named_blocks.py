@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from samrl_ros.log_import.draft.column_names import words_in
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.joints.named_sources import NamedBlock, name_of
+from samrl_ros.log_import.tables import is_text_table
 
+_OF_ISAAC, _RELATIVE = re.compile(r"states\.articulation\.[^.]+\.joint_position"), "obs.joint_pos"
 _TOOL = frozenset("tcp eef ee".split())
 _SHOWN = 20  # columns that a message names
 _SAME = 1e-4  # of an angle's largest, by which the same angle in another unit may differ: digits
@@ -23,6 +27,17 @@ def without_tool(found: list[NamedBlock], draft: Draft) -> list[NamedBlock]:
         return found
     draft.unused += [f"{name_of(each)}: of the tool" for each in found if each not in kept]
     return kept
+
+
+def without_relative(found: list[NamedBlock], draft: Draft) -> list[NamedBlock]:
+    """Without Isaac Lab's observed positions where its states are there: those are relative to a pose."""
+    if not any(_OF_ISAAC.fullmatch(each.block.stem) for each in found):
+        return found
+    draft.unused += [
+        f"{name_of(each)}: by Isaac Lab's observations relative to the default pose; its states are not"
+        for each in found if each.block.stem == _RELATIVE
+    ]  # fmt: skip
+    return [each for each in found if each.block.stem != _RELATIVE]
 
 
 def by_one_unit(
@@ -41,6 +56,24 @@ def _is_same_angle(one: NamedBlock, other: NamedBlock) -> bool:
     if first.shape != second.shape or one.part is not other.part or not first.any():
         return False
     return any(np.allclose(first, k * second, rtol=0.0, atol=_SAME * np.abs(first).max()) for k in _UNITS)
+
+
+def label_by_name(each: NamedBlock, order: Sequence[str]) -> NamedBlock:
+    """A block whose columns are numbered, labelled as the positions are: `joint1_pos` stands beside `tau1`.
+
+    Numbers are those that the joints' names end with; what a log of one joint numbers or not is of that one.
+    """
+    labels = each.block.labels
+    if set(order) <= set(labels) or any(label and not label.isdecimal() for label in labels):
+        return each
+    number = {m[1]: joint for joint in order if (m := re.search(r"(\d+)\D*$", joint))}
+    if len(order) == len(labels) == 1:
+        named = tuple(order)
+    elif len(number) == len(order) and set(number) == set(labels):
+        named = tuple(number[label] for label in labels)
+    else:
+        return each
+    return replace(each, block=replace(each.block, labels=named))
 
 
 def asked_of_still(position: NamedBlock) -> str:
@@ -67,8 +100,10 @@ def nothing_measured(found: Sequence[NamedBlock]) -> str:
     shown = ", ".join(columns[:_SHOWN]) + (", ..." if len(columns) > _SHOWN else "")
     if all(name.isdecimal() for c in found for name in c.block.columns):
         return f"{shown} have no names; name the columns in a first line, such as time,q1,q2,tau1,tau2"
+    text = any(is_text_table(each.part.path) for each in found)
+    where = "say in the first line what columns hold" if text else "call arrays as what they hold"
     return (
-        f"no measured position was found among {shown}; say in the first line what columns hold, such as"
+        f"no measured position was found among {shown}; {where}, such as"
         " time,position,target,torque, write the mapping by hand, or name the robot's URDF by --urdf if"
         " columns are called as its joints are"
     )

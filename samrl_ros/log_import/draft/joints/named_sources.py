@@ -34,8 +34,8 @@ def name_of(each: NamedBlock) -> str:
     return f"{file}{place}{each.block.stem}"
 
 
-def add_source(part: LogPart, name: str, draft: Draft) -> np.ndarray:
-    """Adds the part as a source; its times [s]."""
+def add_source(part: LogPart, name: str, draft: Draft, beside: str = "") -> np.ndarray:
+    """Adds the part as a source; its times [s], by the clock whose name is most like the column `beside`."""
     key, table = f"sources.{name}.time", part.table
     source: dict[str, Any] = {"file": part.path.name}
     if part.part:
@@ -47,8 +47,7 @@ def add_source(part: LogPart, name: str, draft: Draft) -> np.ndarray:
     if table.time is not None:
         draft.note(key, "the header's stamps" if "header.stamp" in table.columns else "the log's own")
         time = table.time
-    elif part.times:
-        column = part.times[0]
+    elif column := _clock_of(part, beside):
         values = table.numbers(column, "the log")
         said = meaning(column).unit if meaning(column).unit in ("s", "ms", "us", "ns") else ""
         units = evidence.time_unit(np.diff(values))
@@ -63,7 +62,7 @@ def add_source(part: LogPart, name: str, draft: Draft) -> np.ndarray:
         source["time"] = {"column": part.dates[0], "iso": True}
         time = table.times(part.dates[0], "the log")
     else:
-        draft.note(key, "no column is named as time", "what is the rate [Hz]? 100 is a placeholder")
+        draft.note(key, "no column is a clock", "what is the rate [Hz]? 100 is a placeholder", "rate")
         source["time"] = {"rate_hz": 100.0}
         time = np.arange(rows) / 100.0
     if "time" in source and (np.diff(time) <= 0).mean() > _COARSE:
@@ -71,7 +70,7 @@ def add_source(part: LogPart, name: str, draft: Draft) -> np.ndarray:
         same = rows / len(np.unique(time))
         draft.note(
             key, f"it stays the same over {same:.3g} rows, as dates of whole seconds do",
-            f"what is the rate [Hz]? {rate:g}, by rows and seconds, is a placeholder",
+            f"what is the rate [Hz]? {rate:g}, by rows and seconds, is a placeholder", "rate",
         )  # fmt: skip
         source["time"] = {"rate_hz": rate}
         time = np.arange(rows) / rate
@@ -83,6 +82,14 @@ def add_source(part: LogPart, name: str, draft: Draft) -> np.ndarray:
         )
     source["columns"] = {}
     return time
+
+
+def _clock_of(part: LogPart, beside: str) -> str:
+    """The column of time, of several that run on the one called most like another column; empty for none."""
+    how = {name: evidence.runs_on(part.table.numbers(name, "the log")) for name in part.times}
+    best = [name for name in part.times if how[name] and how[name] == max(how.values())]
+    words = set(words_in(beside))
+    return max(best, key=lambda name: len(words & set(words_in(name))), default="")
 
 
 def _cut_runs(time: np.ndarray, key: str, draft: Draft) -> bool:

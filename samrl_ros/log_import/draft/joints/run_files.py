@@ -11,9 +11,14 @@ from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_folder
 from samrl_ros.log_import.draft.blocks import LogPart
 from samrl_ros.log_import.draft.guess import Draft
-from samrl_ros.log_import.formats.parquet import is_lerobot
+from samrl_ros.log_import.formats.hdf5 import SUFFIXES as HDF5
+from samrl_ros.log_import.formats.hdf5 import demonstrations
+from samrl_ros.log_import.formats.parquet import episodes, is_lerobot
 from samrl_ros.log_import.formats.rosbag import is_bag
-from samrl_ros.log_import.tables import RARELY_LOGS, SUFFIXES, is_text_table
+from samrl_ros.log_import.tables import RARELY_LOGS, SUFFIXES, is_text_table, remedy_of
+
+_SHOWN = 8  # files that a message names
+_MOST_EPISODES = 20  # of a dataset, that become recordings
 
 
 @dataclass(frozen=True)
@@ -39,7 +44,11 @@ def files_in(path: Path) -> list[Path]:
     each = [files[0] for files in below if len(files) == 1]
     if len(each) > 1 and len({file.name for file in each}) == 1:
         return each
-    raise InputError(f"{path} holds no log: no bag, no LeRobot dataset, no {', '.join(SUFFIXES)}")
+    inside = sorted(path.iterdir())
+    there = f"; there is {', '.join(file.name for file in inside[:_SHOWN])}" if inside else "; it is empty"
+    raise InputError(
+        f"{path} holds no log: no bag, no LeRobot dataset, no {', '.join(SUFFIXES)}{there}{remedy_of(inside)}"
+    )
 
 
 def _logs_in(folder: Path) -> list[Path]:
@@ -58,7 +67,7 @@ def runs_alike(parts: Sequence[LogPart]) -> list[RunFile]:
     """
     paths = list(dict.fromkeys(part.path for part in parts))
     alike = {
-        (part.path.suffix, part.part, part.times, *((b.stem, b.columns) for b in part.blocks))
+        (part.path.suffix, part.part, frozenset(part.times), *((b.stem, b.columns) for b in part.blocks))
         for part in parts
     }
     if len(paths) < 2 or len(paths) != len(parts) or len(alike) > 1 or parts[0].ros:
@@ -76,3 +85,28 @@ def recordings_of(runs: Sequence[RunFile], draft: Draft) -> list[dict[str, Any]]
     named = "folder" if "/" in runs[0].pattern else "name"
     draft.note("recordings", f"files with the same columns: one machine's; the last by {named} is held out")
     return [{"name": run.name, "role": "held_out" if run is runs[-1] else "fit"} for run in runs]
+
+
+def recordings_in(files: list[Path], draft: Draft) -> list[dict[str, Any]]:
+    """One; of a dataset one per episode or demonstration, of which the last is held out."""
+    there = _episodes(files[0]) if len(files) == 1 else {}
+    if there:
+        most = dict(list(there.items())[:_MOST_EPISODES])
+        last = list(most)[-1] if len(most) > 1 else ""
+        beyond = f"the first {len(most)} of {len(there)}" if len(there) > len(most) else f"{len(most)}"
+        draft.note("recordings", f"{beyond} episodes" + (f"; the last, {last}, is held out" if last else ""))
+        return [
+            {"name": name, "role": "held_out" if name == last else "fit", "parts": {"states": part}}
+            for name, part in most.items()
+        ]
+    name = files[0].stem if len(files) == 1 else files[0].parent.name
+    return [{"name": name or "log", "role": "fit"}]
+
+
+def _episodes(file: Path) -> dict[str, str]:
+    """Parts of a dataset by name: a LeRobot dataset's episodes, robomimic's demonstrations; else none."""
+    if is_lerobot(file):
+        return {f"episode_{number}": number for number in episodes(file)}
+    if file.suffix.lower() in HDF5:
+        return {part.rpartition("/")[2]: part for part in demonstrations(file)}
+    return {}

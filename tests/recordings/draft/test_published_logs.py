@@ -22,10 +22,14 @@ from tests.recordings.logs.made_logs import JOINTS, MOTION, urdf_of
 from tests.recordings.logs.published_logs import (
     PANDA,
     droid,
+    franka_ros2,
     isaac_lab,
     libfranka_log,
+    libfranka_new_log,
+    mj_data,
     pandas_feather,
     pandas_parquet,
+    plotjuggler,
     robomimic,
     rtde_csv,
     simulink,
@@ -94,6 +98,44 @@ def test_libfrankas_old_log_has_its_time_in_ms(tmp_path: Path) -> None:
     assert any(
         line.startswith("log.csv: tau_J_d[{}]: commanded without the gravity") for line in draft.unused
     )
+
+
+def test_libfrankas_new_log_is_read_as_the_old_one(tmp_path: Path) -> None:
+    draft = draft_any([libfranka_new_log(tmp_path)], urdf_of(PANDA), "panda.urdf")
+    assert draft.sources["states"]["time"] == {"column": "time", "unit": "ms"}
+    assert taken(draft, "states", "position") == "state.q[0]"
+    assert taken(draft, "states", "effort") == "state.tau_J[0]"
+    assert taken(draft, "command", "position") == "state.q_d[0]"
+
+
+def test_the_broadcaster_of_franka_is_faster_than_joint_states(tmp_path: Path) -> None:
+    names = tuple(f"fr3_joint{k}" for k in (1, 2, 3))
+    draft = draft_any([franka_ros2(tmp_path)], urdf_of(names), "fr3.urdf")
+    place = "/franka_robot_state_broadcaster"
+    assert draft.sources["states"]["part"] == f"{place}/measured_joint_states"
+    assert draft.sources["command"]["part"] == f"{place}/desired_joint_states"
+    assert "effort" in draft.channels["states"] and "commanded_effort" not in draft.channels
+    assert not draft.questions
+
+
+@pytest.mark.parametrize(
+    ("make", "position", "effort"),
+    [
+        (plotjuggler, "/joint_states/position[0]", "/joint_states/effort[0]"),
+        (mj_data, "qpos", "actuator_force"),
+    ],
+)
+def test_what_the_log_does_not_say_is_asked(
+    make: Callable[[Path], Path], position: str, effort: str, tmp_path: Path
+) -> None:
+    draft = draft_any([make(tmp_path)], urdf_of(JOINTS), "arm.urdf")
+    assert taken(draft, "states", "position") == position
+    assert draft.channels["states"]["velocity"]["unit"] == "rad/s"
+    assert taken(draft, "commanded_effort", "effort") == effort
+    assert any(
+        question.startswith("channels.commanded_effort.effort: what is") for question in draft.questions
+    )
+    assert any(question.startswith("joints: ") for question in draft.questions)
 
 
 @pytest.mark.parametrize("make", [pandas_parquet, pandas_feather])

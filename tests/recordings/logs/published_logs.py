@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
 from scipy.io import savemat
 
 from tests.recordings.logs.made_logs import COUNT, JOINTS, MOTION, by_joint
@@ -130,3 +132,67 @@ def rtde_csv(folder: Path) -> Path:
         columns |= by_joint(f"{stem}_{{}}", values[:, six], names)
     pd.DataFrame(columns).to_csv(folder / "robot_data.csv", index=False)
     return folder / "robot_data.csv"
+
+
+def libfranka_new_log(folder: Path) -> Path:
+    """`franka::logToCSV` from release 0.14 on: `state.` and `cmd.` before the names."""
+    seven, names = np.resize(np.arange(3), 7), tuple("0123456")
+    columns = {"time": 91234.0 + 10.0 * np.arange(COUNT), "success_rate": np.ones(COUNT)}
+    for stem, values in (
+        ("state.q", MOTION.position), ("state.q_d", MOTION.target), ("state.dq", MOTION.velocity),
+        ("state.tau_J", MOTION.effort), ("cmd.q_d", 0.0 * MOTION.target),
+        ("cmd.tau_J_d", 0.1 * MOTION.effort),
+    ):  # fmt: skip
+        columns |= by_joint(f"{stem}[{{}}]", values[:, seven], names)
+    pd.DataFrame(columns).to_csv(folder / "log.csv", index=False)
+    return folder / "log.csv"
+
+
+def plotjuggler(folder: Path) -> Path:
+    """Its CSV export of joint states whose array it could not name."""
+    columns = {"__time": 1.7e9 + MOTION.time, "/joint_states/header/stamp": 1.7e9 + MOTION.time}
+    for field in ("position", "velocity", "effort"):
+        columns |= by_joint(f"/joint_states/{field}[{{}}]", getattr(MOTION, field), tuple("012"))
+    pd.DataFrame(columns).to_csv(folder / "pj.csv", index=False)
+    return folder / "pj.csv"
+
+
+def mj_data(folder: Path) -> Path:
+    """Arrays called as in MuJoCo's `mjData`."""
+    zeros = np.zeros((COUNT, 3))
+    np.savez(
+        folder / "ep.npz", time=MOTION.time, qpos=MOTION.position, qvel=MOTION.velocity, qacc=zeros,
+        ctrl=MOTION.target, actuator_force=MOTION.effort, qfrc_bias=0.5 * MOTION.effort, qfrc_applied=zeros,
+        xpos=np.zeros((COUNT, 5, 3)),
+    )  # fmt: skip
+    return folder / "ep.npz"
+
+
+def franka_ros2(folder: Path) -> Path:
+    """Topics of the state broadcaster at 100 Hz, and `/joint_states` with fingers at a fifth of it."""
+    store: Any = get_typestore(Stores.ROS2_JAZZY)
+    kind, names = "sensor_msgs/msg/JointState", [f"fr3_joint{k}" for k in (1, 2, 3)]
+    place = "/franka_robot_state_broadcaster"
+
+    def message(k: int, q: np.ndarray, effort: np.ndarray, fingers: bool = False) -> bytes:
+        more = [0.04] if fingers else []
+        stamp = store.types["builtin_interfaces/msg/Time"](sec=100 + k // 100, nanosec=(k % 100) * 10_000_000)
+        return store.serialize_cdr(
+            store.types[kind](
+                header=store.types["std_msgs/msg/Header"](stamp=stamp, frame_id=""),
+                name=[*names, "fr3_finger_joint1"][: 3 + len(more)], position=np.append(q, more),
+                velocity=np.append(MOTION.velocity[k], 0.0 * np.array(more)),
+                effort=np.append(effort, 0.0 * np.array(more)),
+            ), kind,
+        )  # fmt: skip
+
+    with Writer(folder / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        topics = [f"{place}/measured_joint_states", f"{place}/desired_joint_states", "/joint_states"]
+        measured, desired, slow = (writer.add_connection(name, kind, typestore=store) for name in topics)
+        for k in range(COUNT):
+            q, effort = MOTION.position[k], MOTION.effort[k]
+            writer.write(measured, 10**9 + k, message(k, q, effort))
+            writer.write(desired, 10**9 + k, message(k, MOTION.target[k], 0.1 * effort))
+            if k % 5 == 0:
+                writer.write(slow, 10**9 + k, message(k, q, effort, fingers=True))
+    return folder / "bag"

@@ -21,6 +21,7 @@ from samrl_ros.log_import.mapping import parse_mapping
 from tests.recordings.logs.made_logs import JOINTS, MOTION, urdf_of
 from tests.recordings.logs.published_logs import (
     PANDA,
+    UR,
     droid,
     franka_ros2,
     isaac_lab,
@@ -33,9 +34,8 @@ from tests.recordings.logs.published_logs import (
     robomimic,
     rtde_csv,
     simulink,
+    ur_robot_driver,
 )
-
-UR = ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", *(f"wrist_{k}_joint" for k in (1, 2, 3)))
 
 
 def taken(draft: Draft, channel: str, quantity: str) -> str:
@@ -166,6 +166,12 @@ def test_rtde_counts_the_joints_of_universal_robots(tmp_path: Path) -> None:
     assert taken(draft, "states", "position") == "actual_q_0"
     other = draft_any([path], urdf_of(tuple(f"a{k}" for k in range(6))), "other.urdf")
     assert any(question.startswith("joints: ") for question in other.questions)
+
+
+@pytest.mark.parametrize("effort", [Effort.ask, Effort.drive])
+def test_currents_of_ur_robot_driver_are_no_torques_unasked(effort: Effort, tmp_path: Path) -> None:
+    (question,) = draft_any([ur_robot_driver(tmp_path)], urdf_of(UR), "ur5e.urdf", effort).questions
+    assert question.startswith("channels.commanded_effort.effort: ") and "currents [A]" in question
 
 
 def test_every_episode_of_a_dataset_is_diagnosed(tmp_path: Path) -> None:

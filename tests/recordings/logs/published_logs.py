@@ -15,6 +15,7 @@ from scipy.io import savemat
 from tests.recordings.logs.made_logs import COUNT, JOINTS, MOTION, by_joint
 
 SEVEN = tuple(f"[{k}]" for k in range(7))
+UR = ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", *(f"wrist_{k}_joint" for k in (1, 2, 3)))
 PANDA = tuple(f"panda_joint{k}" for k in range(1, 8))
 
 
@@ -166,6 +167,22 @@ def mj_data(folder: Path) -> Path:
         xpos=np.zeros((COUNT, 5, 3)),
     )  # fmt: skip
     return folder / "ep.npz"
+
+
+def ur_robot_driver(folder: Path) -> Path:
+    """Joint states by name, currents in A as their efforts."""
+    store: Any = get_typestore(Stores.ROS2_JAZZY)
+    kind, six = "sensor_msgs/msg/JointState", np.resize(np.arange(3), 6)
+    with Writer(folder / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        states = writer.add_connection("/joint_states", kind, typestore=store)
+        for k in range(COUNT):
+            stamp = store.types["builtin_interfaces/msg/Time"](sec=100 + k // 100, nanosec=(k % 100) * 10**7)
+            header = store.types["std_msgs/msg/Header"](stamp=stamp, frame_id="")
+            values = [values[k, six] for values in (MOTION.position, MOTION.velocity, 0.1 * MOTION.effort)]
+            writer.write(
+                states, 10**9 + k, store.serialize_cdr(store.types[kind](header, [*UR], *values), kind)
+            )
+    return folder / "bag"
 
 
 def franka_ros2(folder: Path) -> Path:

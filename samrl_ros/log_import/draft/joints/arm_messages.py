@@ -25,6 +25,8 @@ _OF_UR = (
     "elbow_joint",
     *(f"wrist_{k}_joint" for k in (1, 2, 3)),
 )
+# ros2's ur_robot_driver, hardware_interface.cpp: the effort of a joint is RTDE's `actual_current`.
+CURRENTS_OF_UR = "ur_robot_driver publishes the motors' currents [A] as efforts"
 _NUMBERED = re.compile(r"(.*?)(\d+)$")
 
 

@@ -9,20 +9,25 @@ from typing import Any
 import numpy as np
 
 from samrl_ros.log_import.draft import evidence
-from samrl_ros.log_import.draft.column_names import QUANTITIES, words_in
+from samrl_ros.log_import.draft.column_names import words_in
 from samrl_ros.log_import.draft.guess import Draft, Effort
-from samrl_ros.log_import.draft.joints.arm_messages import ARM_MESSAGES, is_libfranka
+from samrl_ros.log_import.draft.joints.arm_messages import (
+    ARM_MESSAGES,
+    CURRENTS_OF_UR,
+    is_libfranka,
+    universal_robots,
+)
+from samrl_ros.log_import.draft.joints.asked_efforts import asked_of_effort, say_how_used
 from samrl_ros.log_import.draft.joints.named_sources import NamedBlock, add_source, name_of, quantity_of
 from samrl_ros.log_import.draft.joints.told_by_model import with_minus
 
 # Arms with torque sensors behind the gears, by how their makers' packages name the joints.
 _LINK_SENSORS = ("panda_joint", "fr3_joint", "fer_joint", "iiwa_joint", "lbr_", "lbr_iiwa", "rizon", "gen3_")
 _OF_DRIVES = frozenset("motor motors drive drives actuator actuators".split())
-_TORQUES = frozenset(QUANTITIES["effort"].split())
+_JOINT_STATE = "sensor_msgs/msg/JointState"
 _RTDE_MODEL = "target_moment_{}"
 _FOLLOWS = 0.8  # correlation from which a block is taken as what the arm followed
 _MOVES_WITH = 0.98  # correlation from which a block of an unknown name is taken as the command, and asked for
-_LIES_ON = 0.2  # of a joint's motion, within which a set point stays from its position
 
 
 def beside(
@@ -225,7 +230,7 @@ def add_effort(
         inputs += [c for c in currents if c.meaning.commanded and set(order) <= set(c.block.labels)]
         if inputs and "command" not in draft.channels:
             return add_motor_input(inputs[0], position, order, draft)
-    draft.unused += [_say_how_used(each) for each in currents]
+    draft.unused += [say_how_used(each) for each in currents]
     behind = measured and _measure_behind_gears(measured[0], draft)
     link = effort is Effort.link or (effort is Effort.ask and bool(behind))
     if commanded := _add_commanded_effort(found, position, order, draft, leaves_gravity_out):
@@ -248,6 +253,8 @@ def add_effort(
             draft.note(where, "of another file or topic", f"is {name_of(best)} what drives this joint?")
     unit, is_told = _torque_unit(best)
     unit_question = "" if is_told else f"is {name_of(best)} in N m?"
+    if may_be_currents := best.part.kind == _JOINT_STATE and bool(universal_robots(draft.joints)):
+        unit_question = f"{CURRENTS_OF_UR}; is {name_of(best)} a torque in N m at the joints?"
     quantity = quantity_of(best, order, unit, draft, source)
     if best.part.kind in ARM_MESSAGES and ARM_MESSAGES[best.part.kind].reaction:
         with_minus(quantity)
@@ -263,44 +270,11 @@ def add_effort(
     draft.note(
         "channels.commanded_effort.effort",
         f"{name_of(best)}: the name says effort",
-        _asked_of_effort(best, position) if is_open else unit_question,
+        asked_of_effort(best, position, may_be_currents) if is_open else unit_question,
         "" if is_open else "torque_unit",
     )
     draft.channels["commanded_effort"] = {"source": source, "effort": quantity}
     return [best, *currents]
-
-
-def _say_how_used(current: NamedBlock) -> str:
-    """What to do with a current or voltage that is not used; a torque worked out of it is a drive's."""
-    if _TORQUES & set(words_in(current.block.stem)):
-        return (
-            f"{name_of(current)}: if this is a torque worked out of the current, in N m at the joints, it is"
-            " the drive's: use it as commanded_effort as it is"
-        )
-    return f"{name_of(current)}: multiply by torque constant and gear ratio, then use it as effort"
-
-
-def _asked_of_effort(effort: NamedBlock, position: NamedBlock) -> str:
-    """Where a measured effort belongs, when nobody said so."""
-    question = (
-        f"what is {name_of(effort)}? The drive's torque times gear ratio (as drafted; --effort drive), the"
-        " torque of a sensor behind the gears (--effort link), or a motor's current (multiply it by its"
-        " torque constant and gear ratio in the mapping; --effort none leaves it out)"
-    )
-    if _lies_on(effort, position):
-        question += "; or a set point, as it lies on the position: then it is the command's position"
-    return question
-
-
-def _lies_on(effort: NamedBlock, position: NamedBlock) -> bool:
-    """Whether numbers called efforts are those of the positions, up to a fifth of the motion."""
-    if effort.part is not position.part or effort.block.labels != position.block.labels:
-        return False
-    rows = position.block.rows & effort.block.rows
-    q = position.block.values[rows[position.block.rows]]
-    apart = np.abs(effort.block.values[rows[effort.block.rows]] - q).max(axis=0)
-    moving = np.ptp(q, axis=0) > 0.0
-    return bool((apart < _LIES_ON * np.ptp(q, axis=0))[moving].any())
 
 
 def _torque_unit(best: NamedBlock) -> tuple[str, bool]:

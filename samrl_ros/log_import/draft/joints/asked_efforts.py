@@ -1,0 +1,47 @@
+"""What is said of efforts and currents whose meaning a log leaves open."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from samrl_ros.log_import.draft.column_names import QUANTITIES, words_in
+from samrl_ros.log_import.draft.joints.arm_messages import CURRENTS_OF_UR
+from samrl_ros.log_import.draft.joints.named_sources import NamedBlock, name_of
+
+_TORQUES = frozenset(QUANTITIES["effort"].split())
+_LIES_ON = 0.2  # of a joint's motion, within which a set point stays from its position
+
+
+def say_how_used(current: NamedBlock) -> str:
+    """What to do with a current or voltage that is not used; a torque worked out of it is a drive's."""
+    if _TORQUES & set(words_in(current.block.stem)):
+        return (
+            f"{name_of(current)}: if this is a torque worked out of the current, in N m at the joints, it is"
+            " the drive's: use it as commanded_effort as it is"
+        )
+    return f"{name_of(current)}: multiply by torque constant and gear ratio, then use it as effort"
+
+
+def asked_of_effort(effort: NamedBlock, position: NamedBlock, may_be_currents: bool) -> str:
+    """Where a measured effort belongs, when nobody said so."""
+    question = (
+        f"what is {name_of(effort)}? The drive's torque times gear ratio (as drafted; --effort drive), the"
+        " torque of a sensor behind the gears (--effort link), or a motor's current (multiply it by its"
+        " torque constant and gear ratio in the mapping; --effort none leaves it out)"
+    )
+    if may_be_currents:
+        question += f"; {CURRENTS_OF_UR}"
+    if _lies_on(effort, position):
+        question += "; or a set point, as it lies on the position: then it is the command's position"
+    return question
+
+
+def _lies_on(effort: NamedBlock, position: NamedBlock) -> bool:
+    """Whether numbers called efforts are those of the positions, up to a fifth of the motion."""
+    if effort.part is not position.part or effort.block.labels != position.block.labels:
+        return False
+    rows = position.block.rows & effort.block.rows
+    q = position.block.values[rows[position.block.rows]]
+    apart = np.abs(effort.block.values[rows[effort.block.rows]] - q).max(axis=0)
+    moving = np.ptp(q, axis=0) > 0.0
+    return bool((apart < _LIES_ON * np.ptp(q, axis=0))[moving].any())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -55,6 +55,7 @@ class LogBlock:
     columns: tuple[str, ...]  # one per label, or one that holds all
     values: np.ndarray  # (N, J), rows with NaN left out
     rows: np.ndarray  # (M,) bool, which rows of the table these are
+    transposed: bool = False  # whether the one column has a row per joint, as MATLAB's users store signals
 
     def ordered(self, labels: Sequence[str]) -> np.ndarray:
         """Values of these labels, in their order (N, len(labels))."""
@@ -161,6 +162,11 @@ def _part(path: Path, part: str, kind: str, joints: Sequence[str]) -> LogPart:
             known = kind in ARM_MESSAGES
             labels = labels_of_array(count, joints) if known else tuple(str(k) for k in range(count))
             blocks.append(_block(part, name, labels, (name,), values))
+    lengths = {len(long[name]) for name in times}
+    for name, values in arrays.items():
+        if values.ndim == 2 and len(values) < _LEAST and values.shape[1] in lengths:
+            labels = tuple(str(k) for k in range(len(values)))
+            blocks.append(replace(_block(part, name, labels, (name,), values.T), transposed=True))
     useful = tuple(block for block in blocks if len(block.values) >= _LEAST)
     return LogPart(path, part, kind, table, useful, times, dates, options)
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
+from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.common.errors import InputError
 from samrl_ros.cli.diagnosis.load import load
 from samrl_ros.cli.diagnosis.options import DiagnoseOptions
@@ -27,10 +28,12 @@ from tests.recordings.logs.published_logs import (
     isaac_lab,
     libfranka_log,
     libfranka_new_log,
+    matlab_rows,
     mj_data,
     pandas_feather,
     pandas_parquet,
     plotjuggler,
+    plotjuggler_of_two_topics,
     robomimic,
     rtde_csv,
     simulink,
@@ -43,6 +46,14 @@ def taken(draft: Draft, channel: str, quantity: str) -> str:
     entry = draft.channels[channel][quantity]
     formula = entry["formula"][0].split("[")[0]
     return draft.sources[entry.get("source", draft.channels[channel]["source"])]["columns"][formula]
+
+
+def imported(draft: Draft, folder: Path) -> ArmRecording:
+    """The first recording, with every question answered as drafted."""
+    content = yaml.safe_load(as_yaml(draft))
+    content.pop("questions", None)
+    mapping = parse_mapping(yaml.safe_dump(content), folder / "mapping.yaml")
+    return import_recording(mapping.recordings[0], mapping, folder).recording
 
 
 def test_droid_takes_the_robots_clock_and_what_was_measured(tmp_path: Path) -> None:
@@ -144,10 +155,7 @@ def test_dates_of_pandas_are_time(make: Callable[[Path], Path], tmp_path: Path) 
     draft = draft_any([path], urdf_of(JOINTS), str(tmp_path / "arm.urdf"), Effort.drive)
     assert draft.sources["states"]["time"] == {"column": "timestamp", "unit": "s"}
     (tmp_path / "arm.urdf").write_text(urdf_of(JOINTS))
-    content = yaml.safe_load(as_yaml(draft))
-    content.pop("questions", None)
-    mapping = parse_mapping(yaml.safe_dump(content), tmp_path / "mapping.yaml")
-    made = import_recording(mapping.recordings[0], mapping, tmp_path).recording
+    made = imported(draft, tmp_path)
     np.testing.assert_allclose(np.diff(made.states.time), 0.01, atol=1e-6)
     np.testing.assert_allclose(made.states.velocity, MOTION.velocity, atol=1e-12)
 
@@ -157,6 +165,34 @@ def test_simulinks_arrays_have_samples_along_the_last_axis(tmp_path: Path) -> No
     assert draft.sources["states"]["time"] == {"column": "tout", "unit": "s"}
     assert len(draft.joints) == 3
     assert taken(draft, "commanded_effort", "effort") == "trq"
+
+
+def test_topics_in_rows_of_their_own_are_two_sources(tmp_path: Path) -> None:
+    """Their rows were dropped together, so that the import of a sure draft was refused."""
+    draft = draft_any([plotjuggler_of_two_topics(tmp_path)], urdf_of(JOINTS), None, Effort.none)
+    assert set(draft.sources) == {"states", "command"}
+    draft.urdf = urdf_of(JOINTS)
+    made = imported(draft, tmp_path)
+    assert made.command is not None
+    np.testing.assert_allclose(made.states.position, MOTION.position, atol=1e-12)
+    np.testing.assert_allclose(made.command.position, MOTION.target, atol=1e-12)
+
+
+def test_a_row_per_joint_is_turned_over(tmp_path: Path) -> None:
+    draft = draft_any([matlab_rows(tmp_path)], None, None, Effort.drive)
+    made = imported(draft, tmp_path)
+    assert made.commanded_effort is not None
+    np.testing.assert_allclose(made.states.position, MOTION.position, atol=1e-12)
+    np.testing.assert_allclose(made.commanded_effort.effort, MOTION.effort, atol=1e-12)
+
+
+def test_arrays_of_another_length_are_left_out(tmp_path: Path) -> None:
+    """They ended the draft with NumPy's own words on shapes."""
+    cut = {"qvel": MOTION.velocity[:-1], "target_q": MOTION.target[:-1], "tau": MOTION.effort[:-1]}
+    np.savez(tmp_path / "a.npz", time=MOTION.time, qpos=MOTION.position, **cut)
+    draft = draft_any([tmp_path / "a.npz"], urdf_of(JOINTS), "arm.urdf", Effort.drive)
+    assert "command" not in draft.channels and "commanded_effort" not in draft.channels
+    assert {"a.npz: qvel", "a.npz: target_q", "a.npz: tau"} <= set(draft.unused)
 
 
 def test_rtde_counts_the_joints_of_universal_robots(tmp_path: Path) -> None:

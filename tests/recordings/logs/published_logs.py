@@ -213,3 +213,20 @@ def franka_ros2(folder: Path) -> Path:
             if k % 5 == 0:
                 writer.write(slow, 10**9 + k, message(k, q, effort, fingers=True))
     return folder / "bag"
+
+
+def plotjuggler_of_two_topics(folder: Path) -> Path:
+    """Its CSV export of two topics: rows by time, with empty cells where the other topic's columns are."""
+    states = by_joint("/joint_states/{}/position", MOTION.position, JOINTS)
+    states |= by_joint("/joint_states/{}/velocity", MOTION.velocity, JOINTS)
+    goals = by_joint("/controller_state/reference/{}/position", MOTION.target, JOINTS)
+    both = [pd.DataFrame({"__time": 1.7e9 + MOTION.time}, dtype=float).assign(**states)]
+    both.append(pd.DataFrame({"__time": 1.7e9 + MOTION.time + 0.003}).assign(**goals))
+    pd.concat(both).sort_values("__time").to_csv(folder / "pj.csv", index=False)
+    return folder / "pj.csv"
+
+
+def matlab_rows(folder: Path) -> Path:
+    """A row per joint and a column per sample, as MATLAB's users store signals."""
+    savemat(folder / "a.mat", {"t": MOTION.time[None, :], "q": MOTION.position.T, "tau": MOTION.effort.T})
+    return folder / "a.mat"

@@ -18,7 +18,14 @@ from samrl_ros.log_import.draft.joints.arm_messages import (
     universal_robots,
 )
 from samrl_ros.log_import.draft.joints.asked_efforts import asked_of_effort, say_how_used
-from samrl_ros.log_import.draft.joints.named_sources import NamedBlock, add_source, name_of, quantity_of
+from samrl_ros.log_import.draft.joints.named_sources import (
+    NamedBlock,
+    add_source,
+    name_of,
+    of_other_length,
+    quantity_of,
+    shares_rows,
+)
 from samrl_ros.log_import.draft.joints.told_by_model import with_minus
 
 # Arms with torque sensors behind the gears, by how their makers' packages name the joints.
@@ -41,7 +48,7 @@ def beside(
     there = [
         c
         for c in found
-        if c.part is position.part
+        if shares_rows(c, position)
         and c.meaning.quantity == quantity
         and not c.meaning.commanded
         and not c.meaning.computed
@@ -63,7 +70,8 @@ def _elsewhere(found: list[NamedBlock], position: NamedBlock, order: list[str]) 
     there = [
         c
         for c in found
-        if c.part is not position.part
+        if not shares_rows(c, position)
+        and not of_other_length(c, position)
         and c.meaning.quantity == "effort"
         and not c.meaning.commanded
         and not c.meaning.computed
@@ -131,13 +139,14 @@ def add_command(
         c
         for c in found
         if c.meaning.commanded and not c.meaning.computed and set(order) <= set(c.block.labels)
-    ]
+        and not of_other_length(c, position)
+    ]  # fmt: skip
     wanted = [c for c in commanded if c.meaning.quantity == "position" or _moves_unnamed(c)]
     if not wanted:
         return _add_follower(found, position, order, unit, time, draft)
     best = max(wanted, key=lambda c: (c.meaning.quantity == "position", len(c.block.values)))
     key = "channels.command.position"
-    same = best.part is position.part
+    same = shares_rows(best, position)
     source = "states" if same else "command"
     other = time if same else add_source(best.part, source, draft)
     near = evidence.follows(
@@ -182,7 +191,7 @@ def _add_follower(
     measured_at, measured = time[position.block.rows], position.block.ordered(order)
     for each in found:
         silent = not (each.meaning.quantity or each.meaning.computed or each.meaning.measured)
-        beside = each.part is position.part and each.block is not position.block
+        beside = shares_rows(each, position) and each.block is not position.block
         if not silent or not beside or len(each.block.labels) != len(order):
             continue
         near = evidence.follows(measured_at, measured, time[each.block.rows], each.block.values)
@@ -245,7 +254,7 @@ def add_effort(
         return currents
     best = measured[0]
     source = "states"
-    if best.part is not position.part:
+    if not shares_rows(best, position):
         source = "effort"
         add_source(best.part, source, draft)
         if order == [""]:  # one joint without a label: any force beside it would do
@@ -306,7 +315,7 @@ def _add_commanded_effort(
     there = [
         c
         for c in found
-        if c.part is position.part
+        if shares_rows(c, position)
         and c.meaning.quantity == "effort"
         and c.meaning.commanded
         and not c.meaning.computed
@@ -340,7 +349,7 @@ def add_motor_input(
     by_current = best.meaning.quantity == "current"
     known = ("A", "mA") if by_current else ("V", "mV")
     unit = best.meaning.unit if best.meaning.unit in known else known[0]
-    same = best.part is position.part
+    same = shares_rows(best, position)
     if not same:
         add_source(best.part, "commanded_effort", draft)
     source = "states" if same else "commanded_effort"

@@ -28,7 +28,13 @@ from samrl_ros.log_import.draft.joints.named_blocks import (
     without_relative,
     without_tool,
 )
-from samrl_ros.log_import.draft.joints.named_sources import NamedBlock, add_source, name_of, quantity_of
+from samrl_ros.log_import.draft.joints.named_sources import (
+    NamedBlock,
+    add_source,
+    name_of,
+    quantity_of,
+    shares_rows,
+)
 from samrl_ros.log_import.draft.joints.run_files import (
     files_in,
     recordings_in,
@@ -167,7 +173,7 @@ def _ask_model(
 
     Torques that follow the model's with the other sign are taken with a minus, and asked for.
     """
-    effort = next((e for e in used if e.meaning.quantity == "effort" and e.part is position.part), None)
+    effort = next((e for e in used if e.meaning.quantity == "effort" and shares_rows(e, position)), None)
     if effort is None and not any(guess.asks for guess in draft.guesses):
         return
     rows = position.block.rows.copy()

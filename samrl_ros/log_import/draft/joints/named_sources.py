@@ -14,6 +14,7 @@ from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.text_layout import stated_options
 
 _COARSE = 0.5  # of the steps: a time that stands still in more of them tells no row from the next
+_TOGETHER = 0.5  # of the rows of the shorter of two blocks, which share a source
 _RESTART = 10.0  # steps by which a clock goes back where it starts anew
 _LEAST_RUN, _MOST_RUNS = 100, 20  # rows of a run, and runs, into which one table is cut
 
@@ -32,6 +33,22 @@ def name_of(each: NamedBlock) -> str:
     place = f"{each.part.part}: " if each.part.part else ""
     file = "" if each.part.part else f"{each.part.path.name}: "
     return f"{file}{place}{each.block.stem}"
+
+
+def shares_rows(one: NamedBlock, other: NamedBlock) -> bool:
+    """Whether two blocks of a part have their numbers in the same rows.
+
+    PlotJuggler writes topics below each other by time, each with empty cells in the others' rows.
+    """
+    rows = one.block.rows, other.block.rows
+    if one.part is not other.part or len(rows[0]) != len(rows[1]):
+        return False
+    return int((rows[0] & rows[1]).sum()) >= _TOGETHER * min(int(rows[0].sum()), int(rows[1].sum()))
+
+
+def of_other_length(one: NamedBlock, other: NamedBlock) -> bool:
+    """Whether two blocks of a part have different numbers of rows, so that one time cannot be of both."""
+    return one.part is other.part and len(one.block.rows) != len(other.block.rows)
 
 
 def add_source(part: LogPart, name: str, draft: Draft, beside: str = "") -> np.ndarray:
@@ -124,7 +141,7 @@ def _cut_runs(time: np.ndarray, key: str, draft: Draft) -> bool:
 def quantity_of(each: NamedBlock, order: list[str], unit: str, draft: Draft, source: str) -> dict[str, Any]:
     """A quantity in the order of the joints; its columns are added to the source."""
     block = each.block
-    columns: dict[str, str] = draft.sources[source]["columns"]
+    columns: dict[str, Any] = draft.sources[source]["columns"]
     prefix = "_".join(word for word in words_in(block.stem) if word.isidentifier())[:24] or "x"
     if not prefix.isidentifier():
         prefix = f"x_{prefix}"
@@ -132,7 +149,8 @@ def quantity_of(each: NamedBlock, order: list[str], unit: str, draft: Draft, sou
         draft.sources[source]["missing"] = "drop_row"
     if len(block.columns) == 1 and len(block.labels) > 1:
         key = _free(columns, prefix)
-        columns[key] = block.columns[0]
+        name = block.columns[0]
+        columns[key] = {"column": name, "transpose": True} if block.transposed else name
         return {"formula": [f"{key}[{block.labels.index(label)}]" for label in order], "unit": unit}
     formulas = []
     for number, label in enumerate(order, 1):
@@ -142,7 +160,7 @@ def quantity_of(each: NamedBlock, order: list[str], unit: str, draft: Draft, sou
     return {"formula": formulas, "unit": unit}
 
 
-def _free(columns: dict[str, str], name: str) -> str:
+def _free(columns: dict[str, Any], name: str) -> str:
     while name in columns or name == "time":
         name += "_"
     return name

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from samrl_ros.log_import.draft.guess import Draft
-from samrl_ros.log_import.draft.joints.named_sources import NamedBlock, name_of, quantity_of
+from samrl_ros.log_import.draft.joints.named_sources import NamedBlock, name_of, quantity_of, shares_rows
 
 
 def add_torque_switch(
@@ -13,7 +13,7 @@ def add_torque_switch(
 ) -> list[NamedBlock]:
     """The switch of all joints beside their positions, where it was ever off; the blocks that it is in."""
     for each in found:
-        beside = each.part is position.part and set(order) <= set(each.block.labels)
+        beside = shares_rows(each, position) and set(order) <= set(each.block.labels)
         if each.meaning.quantity != "enabled" or not beside:
             continue
         if each.block.values.all():

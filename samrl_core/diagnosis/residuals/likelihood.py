@@ -62,16 +62,31 @@ class Likelihood:
         count = len(lists[0]) if lists else 0
         own = [recording_columns(trial) for trial in self.trials]
         starts = count + np.concatenate([[0], np.cumsum([len(items) for items in own])]).astype(int)
-        u = np.zeros((len(self.y), int(starts[-1])))
+        total = int(starts[-1])
+        # A link loads the joints before it, friction its own joint, and a recording's columns that recording:
+        # block by block most columns are zero, and whatever is not passes its filter at once.
+        parts: dict[Block, tuple[list[int], list[np.ndarray]]] = {}
         for r, trial in enumerate(self.trials):
             for k, (columns, std) in [*enumerate(lists[r]), *enumerate(own[r], int(starts[r]))]:
                 for (channel, j), rows in columns.items():
                     scaled = std * rows[0] / trial.sigma[channel][:, j]
-                    u[self.blocks[r, channel, j], k] = self._whitened(r, channel, j, scaled)
-        values, vectors = np.linalg.eigh(u.T @ u)
+                    if scaled.any():
+                        which, seen = parts.setdefault((r, channel, j), ([], []))
+                        which.append(k)
+                        seen.append(scaled)
+        gram = np.zeros((total, total))
+        blocks = {}
+        for block, (which, seen) in parts.items():
+            u = self._whitened(*block, np.stack(seen))  # (columns here, samples)
+            gram[np.ix_(which, which)] += u @ u.T
+            blocks[block] = which, u
+        values, vectors = np.linalg.eigh(gram)
         kept = values > 1e-9 * max(values.max(initial=0.0), 1e-300)
         values, vectors = values[kept], vectors[:, kept]
-        return u @ (vectors / np.sqrt(values)), values, vectors
+        basis = np.zeros((len(self.y), len(values)))
+        for block, (which, u) in blocks.items():
+            basis[self.blocks[block]] = u.T @ (vectors[which] / np.sqrt(values))
+        return basis, values, vectors
 
     @property
     def exact(self) -> bool:

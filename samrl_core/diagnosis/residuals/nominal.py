@@ -7,6 +7,8 @@ regressors are evaluated along the measured motion, hence exact for any size of 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from samrl_core.cell.robots.joint_dynamics import joint_dynamics
@@ -66,27 +68,22 @@ def _tolerances(trial: Trial, widened: float) -> list[tuple[Columns, float, floa
     viscous = _per_joint(tolerances.viscous_friction, trial) * trial.scale / trial.speed_scale
     stated = joint_dynamics(trial.recording.arm)
     for j in joints:
-        out.append((trial.drive(j, ones), offset[j], None))
-        out.append((trial.sensor(j, flat), offset[j], None))
         velocity = motion.sure_velocity[:, j]
+        acting: list[tuple[np.ndarray, float, float | None]] = [(ones[0], offset[j], None)]
         # Nobody states how sharply the remaining friction turns; several widths span what it may be.
-        out += [
-            (trial.drive(j, smooth_sign(velocity, w)[None]), OF_A_WIDTH * coulomb[j], w) for w in FLOOR_WIDTHS
-        ]
-        out.append((trial.drive(j, velocity[None]), viscous[j], None))
+        acting += [(smooth_sign(velocity, w), OF_A_WIDTH * coulomb[j], w) for w in FLOOR_WIDTHS]
+        acting.append((velocity, viscous[j], None))
         if stated.friction[j] > 0:  # nor is it stated of the friction that the model has
             shapes = [smooth_sign(velocity, w) for w in FLOOR_WIDTHS]
             turn = smooth_sign(velocity, NOMINAL_SIGN)
             # MuJoCo's turns ahead of the velocity, the less abruptly the lighter the joint.
             ahead = velocity + AHEAD_S * motion.sure_acceleration[:, j]
             shapes += [smooth_sign(ahead, w) for w in (NOMINAL_SIGN, *FLOOR_WIDTHS[4:])]
-            out += [
-                (trial.drive(j, (x - turn)[None]), OF_A_WIDTH * float(stated.friction[j]), None)
-                for x in shapes
-            ]
+            acting += [(x - turn, OF_A_WIDTH * float(stated.friction[j]), None) for x in shapes]
         if trial.rotor[j] > 0:
-            rotor = motion.sure_acceleration[:, j][None]
-            out.append((trial.drive(j, rotor), tolerances.armature * trial.rotor[j], None))
+            acting.append((motion.sure_acceleration[:, j], tolerances.armature * trial.rotor[j], None))
+        first, *rest = _driven(trial, j, acting)
+        out += [first, (trial.sensor(j, flat), offset[j], None), *rest]
         if rigid.spring_stiffness[j] != 0:
             pull = np.zeros((1, len(trial), trial.joints))
             pull[0, :, j] = rigid.spring_torque(motion.q)[:, j]
@@ -101,6 +98,17 @@ def _tolerances(trial: Trial, widened: float) -> list[tuple[Columns, float, floa
     others += _stamps(trial, tolerances) + _late_speeds(trial, tolerances) + _motors(trial, tolerances)
     out += [(columns, std, None) for columns, std in others]
     return [item for item in out if item[1] > 0]
+
+
+def _driven(
+    trial: Trial, joint: int, acting: Sequence[tuple[np.ndarray, float, float | None]]
+) -> list[tuple[Columns, float, float | None]]:
+    """Each of several torques (F,) before a joint's sensor by itself; they pass the band's filter at once."""
+    together = trial.drive(joint, np.stack([torque for torque, *_ in acting]))
+    return [
+        ({place: rows[k : k + 1] for place, rows in together.items()}, std, turn)
+        for k, (_, std, turn) in enumerate(acting)
+    ]
 
 
 def _per_joint(value: float | tuple[float, ...], trial: Trial) -> np.ndarray:

@@ -111,7 +111,7 @@ def _with_logs(text: str, path: Path, logs: Sequence[Path], held_out: Sequence[P
             " and leave LOG out"
         )
     sources = {**general, **how}.get("sources")
-    if isinstance(sources, dict) and len({_file_of(source) for source in sources.values()}) != 1:
+    if isinstance(sources, dict) and len(sources) != 1 and not _read_one_file(sources):
         raise InputError(
             f"{path.name}: has sources {', '.join(map(str, sources))}, of which each recording names files; "
             "do so under `recordings` and leave LOG out"
@@ -127,9 +127,10 @@ def _with_logs(text: str, path: Path, logs: Sequence[Path], held_out: Sequence[P
     return yaml.safe_dump({**general, "recordings": recordings}, sort_keys=False, allow_unicode=True)
 
 
-def _file_of(source: Any) -> str:
-    """What a source reads; sources of one bag, or of one file, are read from another one together."""
-    return str(source.get("file")) if isinstance(source, dict) else str(source)
+def _read_one_file(sources: dict[str, Any]) -> bool:
+    """Whether sources are topics or parts of one log, so that another log stands for all of them."""
+    files = [source.get("file") if isinstance(source, dict) else None for source in sources.values()]
+    return bool(files) and files[0] is not None and all(file == files[0] for file in files)
 
 
 def _names(logs: Sequence[Path]) -> dict[Path, str]:

@@ -9,7 +9,10 @@ from samrl_core.common.files import is_file, is_folder
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.formats.parquet import is_lerobot
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics
+from samrl_ros.log_import.imported_files import INDEX
 from samrl_ros.log_import.tables import RARELY_LOGS, SUFFIXES
+
+_LOGS = frozenset(SUFFIXES) - {*RARELY_LOGS, ".txt", ".json"}  # beside bags, text and JSON are notes
 
 
 def bags_in(path: Path) -> list[Path]:
@@ -20,7 +23,7 @@ def bags_in(path: Path) -> list[Path]:
     if not is_folder(path) or is_lerobot(path) or is_file(path / "metadata.yaml"):
         return []
     inside = sorted(path.iterdir())
-    if any(file.suffix.lower() in SUFFIXES and file.suffix not in RARELY_LOGS for file in inside):
+    if any(file.name == INDEX or file.suffix.lower() in _LOGS for file in inside):
         return []
     found = [each for each in inside if is_bag(each) and (is_folder(each) or is_file(each))]
     return [] if found == [path / f"{each.stem}.mcap" for each in found[:1]] else found

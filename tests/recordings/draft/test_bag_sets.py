@@ -103,6 +103,18 @@ def test_a_bag_without_the_topics_is_left_out_and_named(tmp_path: Path) -> None:
     assert any(line.startswith("zero.bag: has no /arm_controller/controller_state") for line in draft.unused)
 
 
+def test_notes_beside_bags_are_no_logs(tmp_path: Path) -> None:
+    place = tmp_path / "cell"
+    for name in NAMES:
+        (place / name).mkdir(parents=True)
+        (place / name / "metadata.yaml").touch()
+    for note in ("README.txt", "settings.json", "arm.urdf", "tolerances.yaml"):
+        (place / note).touch()
+    assert [bag.name for bag in bags_in(place)] == NAMES
+    (place / "recordings.json").touch()  # an import's: it names the bags and their roles
+    assert not bags_in(place)
+
+
 def test_one_bag_alone_is_no_set(tmp_path: Path) -> None:
     bag = ros2_bag(tmp_path)
     assert not bags_in(bag)

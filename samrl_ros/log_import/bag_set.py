@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from samrl_core.common.files import is_file, is_folder
+from samrl_ros.log_import.draft.blocks import ROS_TYPES
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.formats.parquet import is_lerobot
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics
@@ -30,11 +31,17 @@ def bags_in(path: Path) -> list[Path]:
 
 
 def bags_of(paths: Sequence[Path]) -> list[Path]:
-    """Bags of one machine: those of a folder, or several in one folder that are named; else none."""
+    """Bags of one machine: those of a folder, or several in one folder that are named; else none.
+
+    Named bags with different topics of joints may be one recording, its joints in one and its controller in another.
+    """
     if len(paths) == 1:
         return bags_in(paths[0])
-    together = len({path.resolve().parent for path in paths}) == 1
-    return list(paths) if together and all(is_bag(path) for path in paths) else []
+    if len({path.resolve().parent for path in paths}) != 1 or not all(is_bag(path) for path in paths):
+        return []
+    joints = [[topic for topic in list_topics(path, "the log") if topic.type in ROS_TYPES] for path in paths]
+    topics = [{topic.name for topic in each} for each in joints]
+    return list(paths) if topics[0] and all(each == topics[0] for each in topics) else []
 
 
 def spread(draft: Draft, bags: Sequence[Path]) -> Draft:

@@ -14,7 +14,7 @@ from samrl_core.diagnosis.nominal_model.read_model import read_model
 from samrl_ros.cli.diagnosis.load import load
 from samrl_ros.cli.diagnosis.options import DiagnoseOptions
 from samrl_ros.log_import.any_importer import import_logs_by
-from samrl_ros.log_import.bag_set import bags_in
+from samrl_ros.log_import.bag_set import bags_in, bags_of
 from samrl_ros.log_import.devices import data_folder
 from samrl_ros.log_import.draft.any_draft import draft_any
 from samrl_ros.log_import.draft.guess import Effort
@@ -93,6 +93,8 @@ def test_bags_that_are_named_are_a_set_too(tmp_path: Path) -> None:
         ("monday", "fit"),
         ("friday", "held_out"),
     ]
+    ros1_bag(place).rename(place / "zero.bag")  # of other topics: it may be of the same recording
+    assert not bags_of([place / "monday", place / "zero.bag"])
 
 
 def test_a_bag_without_the_topics_is_left_out_and_named(tmp_path: Path) -> None:

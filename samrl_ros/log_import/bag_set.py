@@ -33,7 +33,7 @@ def bags_in(path: Path) -> list[Path]:
 def bags_of(paths: Sequence[Path]) -> list[Path]:
     """Bags of one machine: those of a folder, or several in one folder that are named; else none.
 
-    Named bags with different topics of joints may be one recording, its joints in one and its controller in another.
+    Named bags with different topics may be one recording: its joints in one, its controller in another.
     """
     if len(paths) == 1:
         return bags_in(paths[0])

@@ -10,9 +10,9 @@ from typing import Any
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_folder, is_there
 from samrl_ros.bags.reader import open_bag
-from samrl_ros.log_import.bag_set import bags_in
 from samrl_ros.log_import.body_importer import bodies_of
 from samrl_ros.log_import.draft.any_draft import draft_free_devices
+from samrl_ros.log_import.draft.bag_set import bags_in
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.readings.clock_draft import STAMPED
 from samrl_ros.log_import.draft.tracks.logged_tracks import POSES, read_logged_tables

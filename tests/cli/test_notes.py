@@ -6,7 +6,7 @@ from pathlib import Path
 
 from samrl_core.diagnosis.report.words import points
 from samrl_ros.cli.diagnosis.notes import together
-from samrl_ros.log_import.bag_set import bags_in
+from samrl_ros.log_import.draft.bag_set import bags_in
 
 
 def test_a_note_of_several_recordings_is_shown_once() -> None:

@@ -19,7 +19,7 @@ from samrl_core.diagnosis.nominal_model.nominal_model import NominalModel
 from samrl_core.diagnosis.recordings import check_held_out, check_recording, longest_whole, split
 from samrl_core.diagnosis.recordings.motion_check import no_motion
 from samrl_ros.cli.diagnosis.options import DiagnoseOptions
-from samrl_ros.log_import.bag_set import bags_in
+from samrl_ros.log_import.draft.bag_set import bags_in
 from samrl_ros.log_import.draft.guess import Effort
 from samrl_ros.recordings.arrays_by_role import restated
 from samrl_ros.recordings.body_file import body_roles, is_body_file, load_body_files

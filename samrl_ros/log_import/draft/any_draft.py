@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from samrl_ros.log_import.bag_set import bags_of, spread
+from samrl_ros.log_import.draft.bag_set import bags_of, spread
 from samrl_ros.log_import.draft.blocks import ROS_TYPES, numbers_of
 from samrl_ros.log_import.draft.bodies.body_draft import draft_bodies
 from samrl_ros.log_import.draft.bodies.seen_tracks import are_at_once, is_named_body, is_of_a_machine

@@ -14,9 +14,9 @@ from samrl_core.diagnosis.nominal_model.read_model import read_model
 from samrl_ros.cli.diagnosis.load import load
 from samrl_ros.cli.diagnosis.options import DiagnoseOptions
 from samrl_ros.log_import.any_importer import import_logs_by
-from samrl_ros.log_import.bag_set import bags_in, bags_of
 from samrl_ros.log_import.devices import data_folder
 from samrl_ros.log_import.draft.any_draft import draft_any
+from samrl_ros.log_import.draft.bag_set import bags_in, bags_of
 from samrl_ros.log_import.draft.guess import Effort
 from samrl_ros.log_import.draft.writing import as_yaml
 from tests.recordings.logs.made_logs import JOINTS, ros1_bag, ros2_bag, urdf_of

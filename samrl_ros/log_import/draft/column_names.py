@@ -57,7 +57,8 @@ FRAME_LETTERS = {  # of A_p_B, B's origin in A
 }  # fmt: skip
 BASES = frozenset("base world link0 root origin o".split())  # o: of libfranka's O_T_EE
 
-_ANGLES, _PER_SECOND = frozenset("rad deg degrees degree mrad rev".split()), frozenset("s sec".split())
+_TRAVELS, _PER_SECOND = frozenset("rad deg degrees degree mrad rev mm".split()), frozenset("s sec".split())
+_OTHER_RATES = frozenset("sample samples sampling loop control frame update baud hz".split())
 _QUANTITY_OF = {word: quantity for quantity, words in QUANTITIES.items() for word in words.split()}
 _COMMANDED, _MEASURED = set(COMMANDED.split()), set(MEASURED.split())
 _COMPUTED, _SHARES, _TIME = set(COMPUTED.split()), set(SHARES.split()), set(TIME.split())
@@ -91,6 +92,8 @@ def meaning(name: str) -> NameMeaning:
     units = [UNIT_WORDS[word] for word in words if word in UNIT_WORDS]
     if quantity in ("", "position") and (rate := _rate_in(words)):
         quantity, units = rate, []  # qd_deg_s
+    if quantity in ("", "position") and "rate" in words and not _OTHER_RATES & set(words):
+        quantity = "velocity"  # of a gimbal or a gyroscope
     if (electric := _ELECTRIC.search(name)) and quantity in ("", "current", "voltage"):
         units = [electric[1]]
         quantity = quantity or ("current" if electric[1].endswith("A") else "voltage")
@@ -122,7 +125,7 @@ def _last_role(name: str) -> set[str]:
 def _rate_in(words: Sequence[str]) -> str:
     """Quantity that a unit per s or per s2 at the end of a name says; empty where there is none."""
     for unit, per, *power in (each for each in (words[-2:], words[-3:]) if len(each) > 1):
-        if unit in _ANGLES and per in _PER_SECOND and power in ([], ["2"]):
+        if unit in _TRAVELS and per in _PER_SECOND and power in ([], ["2"]):
             return "acceleration" if power else "velocity"
     return ""
 

@@ -18,6 +18,7 @@ from samrl_ros.log_import.draft.joints.arm_messages import (
     universal_robots,
 )
 from samrl_ros.log_import.draft.joints.asked_efforts import asked_of_effort, say_how_used
+from samrl_ros.log_import.draft.joints.commanded import rate_of_command, unit_of_command
 from samrl_ros.log_import.draft.joints.named_sources import (
     NamedBlock,
     add_source,
@@ -161,6 +162,7 @@ def add_command(
     draft.note(
         key, f"{name_of(best)}: the name says commanded; correlation with the position {near:.2f}", question
     )
+    unit = unit_of_command(best, position, order, unit, draft)
     channel = {"source": source, "position": quantity_of(best, order, unit, draft, source)}
     draft.channels["command"] = channel
     used = [best]
@@ -171,6 +173,14 @@ def add_command(
             suffix = {"velocity": "rad/s", "acceleration": "rad/s2"}[quantity]
             channel[quantity] = quantity_of(more[0], order, suffix, draft, source)
             used.append(more[0])
+        elif quantity == "velocity" and (told := rate_of_command(more, best, order, unit, other)):
+            rate, rate_unit, ratio = told
+            draft.note(
+                "channels.command.velocity",
+                f"{name_of(rate)}: integrates to the commanded position (ratio {ratio:.3g}), so {rate_unit}",
+            )
+            channel[quantity] = quantity_of(rate, order, rate_unit, draft, source)
+            used.append(rate)
     return used
 
 

@@ -122,6 +122,13 @@ class Task(ABC):
     def scene(self, cell: CellSpec) -> Scene:
         """Bodies at their nominal poses, and the tool."""
 
+    def uncalibrated(self) -> Task | None:
+        """This task as it is believed in a cell that nobody calibrated; None where that is the same.
+
+        Names, order and nominal values of the parameters stay, so that values of one are values of the other.
+        """
+        return None
+
     def as_made(self, parts: Parts) -> Task:
         """This task with parts that differ from the drawing: what a world is built from, and no model.
 

@@ -25,7 +25,7 @@ from samrl_core.cell.tasks.needle_threading.thread import (
     length_below,
     points_at,
 )
-from samrl_core.cell.tasks.needle_threading.tool import THREAD_COLOR, hand_with_thread, thread_link
+from samrl_core.cell.tasks.needle_threading.tool import THREAD_COLOR, hand_with_thread, thread_links
 from samrl_core.cell.tasks.needle_threading.unknowns import CAMERA, COUNT, LENGTH, PLACE, TURN, NeedleUnknowns
 from samrl_core.cell.tasks.screen import Screen, bodies_of
 from samrl_core.cell.tasks.start import DOWN, checked_tip, middle_view, require_origin, start_joints
@@ -85,6 +85,7 @@ class NeedleThreading(Task):
     screens: tuple[Screen, ...] = ()  # that stand in the way of some views
     post_range: float = 0.0  # the needle stands within +- this of its place, in x and y [m]
     length_range: float = 0.0  # the thread is within +- this share of its drawn length [-]
+    calibrated: bool = True  # whether beliefs are those of a cell that somebody calibrated
     stretch: float = 1.0  # of the thread's length over that of its links as drawn; see `as_believed` [-]
     eyes: tuple[float, ...] = ()  # least and largest radius of eyes as made; (): fitted to the thread [m]
     softness: float = 1.0  # times what `Parts` says of the thread's length and stiffness [-]
@@ -148,6 +149,10 @@ class NeedleThreading(Task):
             self.eye_friction,
         )
         return Scene((needle, *bodies_of(self.screens)), self._tool())
+
+    def uncalibrated(self) -> NeedleThreading | None:
+        """See `Task`."""
+        return replace(self, calibrated=False) if self.finds_needle else None
 
     def as_made(self, parts: Parts) -> NeedleThreading:
         """Another thread, longer, thicker and stiffer or not, and another eye."""
@@ -363,7 +368,8 @@ class NeedleThreading(Task):
 
     @property
     def _unknowns(self) -> NeedleUnknowns:
-        return NeedleUnknowns(self.post_range, length=self.length_range)
+        unknowns = NeedleUnknowns(self.post_range, length=self.length_range)
+        return unknowns if self.calibrated else unknowns.uncalibrated()
 
     def _found(self, values: np.ndarray) -> np.ndarray:
         """What follows the angles: (7,), or (0,) where the needle is known."""
@@ -388,12 +394,7 @@ class NeedleThreading(Task):
         return hanging_length(points, self.success_depth + 2 * self.done_margin, self.thread_step, whole)
 
     def _tool(self) -> Tool:
-        chain = tuple(
-            thread_link(
-                f"thread_{i}", self.link_length, self.thread_radius, self.link_mass, self.stiffness,
-                self.damping, self.thread_friction, self.thread_label,
-                self.link_colors[i % len(self.link_colors)],
-            )
-            for i in range(self.links)
-        )  # fmt: skip
+        inside = (self.link_mass, self.stiffness, self.damping, self.thread_friction)
+        shape = (self.links, self.link_colors, self.link_length, self.thread_radius)
+        chain = thread_links(*shape, *inside, label=self.thread_label)
         return hand_with_thread(chain, self.thread_radius, self.thread_friction, self.tool_label)

@@ -122,6 +122,13 @@ class Task(ABC):
     def scene(self, cell: CellSpec) -> Scene:
         """Bodies at their nominal poses, and the tool."""
 
+    def entered(self, values: np.ndarray, tip_position: np.ndarray) -> bool:
+        """Whether, by values (P,), the target is within what it leaves only on the way that it came.
+
+        `tip_position` (3,) is the tool's, in the tool arm's base frame [m].
+        """
+        return False
+
     def uncalibrated(self) -> Task | None:
         """This task as it is believed in a cell that nobody calibrated; None where that is the same.
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from samrl_core.cell.calibration.seen_error import SeenError
-from samrl_core.cell.tasks.task import ParameterSpec
+from samrl_core.cell.tasks.task import ParameterSpec, Task
 from samrl_core.cell.types.observation import Observation
 from samrl_core.common.errors import SolveError
 from samrl_core.model.model import Model
@@ -58,6 +58,8 @@ class Belief:
     real2sim: Real2Sim
     prediction: PredictionSettings
     camera_times: float  # the camera's error changes so many times as much as usual from view to view [-]
+    # Whether what has entered stays in though an image in which no fit settles shows it outside.
+    holds_entered: bool = False
 
     @property
     def specs(self) -> tuple[ParameterSpec, ...]:
@@ -74,6 +76,8 @@ class Belief:
         found = self._predicted(before, moved, log)
         several = len(found) > 1
         after = likeliest([self.real2sim.update(one, observation, compared=several) for one in found])
+        if self.holds_entered and moved.tips is not None and not after.converged:
+            after = _still_inside(self.model.task, found[0], after, moved.tips[1])
         if any(moved_by_contact(before, one, self.specs) for one in found):
             return camera_kept(before, after, self.specs)
         return after
@@ -96,6 +100,12 @@ class Belief:
             return (estimate,)
 
 
+def _still_inside(task: Task, predicted: Estimate, after: Estimate, tip: np.ndarray) -> Estimate:
+    """An update; where it takes through a wall what was to stay within it, the prediction in its place."""
+    left = task.entered(predicted.values, tip) and not task.entered(after.values, tip)
+    return replace(after, values=predicted.values, covariance=predicted.covariance) if left else after
+
+
 def usual_belief(model: Model) -> Belief:
     """Of a cell as calibrated as the task has it."""
     return Belief(model, model, Real2Sim(model), PredictionSettings(), 1.0)
@@ -111,7 +121,9 @@ def uncalibrated_belief(model: Model) -> Belief | None:
     pairs = zip(task.parameters(), model.task.parameters(), strict=True)
     times = max((wide.scale / usual.scale for wide, usual in pairs if wide.kind == "camera"), default=1.0)
     # A thread that is believed in the wall of its eye is flung out by the prediction; the image decides.
-    return Belief(model, wider, Real2Sim(wider, settings), replace(PredictionSettings(), jump=2.0), times)
+    return Belief(
+        model, wider, Real2Sim(wider, settings), replace(PredictionSettings(), jump=2.0), times, True
+    )
 
 
 class BeliefChoice:

@@ -301,3 +301,12 @@ def test_impossible_settings_are_refused(change: dict, word: str) -> None:
         replace(flipping(), small_radius=0.06)
     with pytest.raises(InputError, match="eyes"):
         replace(threading(), eyes=(0.004, 0.005))
+
+
+def test_a_thread_has_entered_where_it_passes_the_eye_and_its_end_is_below() -> None:
+    task, values = threading(), needle_values((0.5, 0.0))
+    end = task.thread_points(values, np.zeros(3))[-1]
+    places = {(0.0, 0.004): False, (0.0, -0.004): True, (0.0034, -0.004): True, (0.0036, -0.004): False}
+    for (aside, height), inside in places.items():
+        tip = task.eye_at(values) - end + [aside, 0.0, height]
+        assert task.entered(values, tip) is inside

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -118,6 +118,44 @@ def test_images_that_no_fit_settles_in_choose_nothing(model: Model, seen: Observ
     choice = BeliefChoice(model)
     after(choice, shown_beside(wrong, FAR))
     assert not choice.uncalibrated
+
+
+class Told(Real2Sim):
+    """A fit that answers what it is told to."""
+
+    def __init__(self, answer: Estimate) -> None:
+        """No model is asked."""
+        self._answer = answer
+
+    def update(
+        self,
+        estimate: Estimate,
+        observation: Observation,
+        watch: Callable[[np.ndarray], None] | None = None,
+        compared: bool = True,
+    ) -> Estimate:
+        """The answer."""
+        return self._answer
+
+
+@pytest.mark.parametrize(
+    ("settled", "aside", "kept"), [(False, 0.006, True), (True, 0.006, False), (False, 0.002, False)]
+)
+def test_what_has_entered_stays_in_unless_a_fit_settles(
+    model: Model, seen: Observation, settled: bool, aside: float, kept: bool
+) -> None:
+    """Where no part fits, an image shows the thread beside the eye that it hangs in: it would go up again."""
+    belief = uncalibrated_belief(model)
+    assert belief is not None
+    first = belief.initial(EXACTLY_SEEN)
+    end = TASK.thread_points(first.values, np.zeros(3))[-1]
+    tip = TASK.eye_at(first.values) - end - [0.0, 0.0, 0.008]
+    shown = first.values.copy()
+    shown[20] += aside  # the eye
+    answer = replace(first, values=shown, converged=settled)
+    told = replace(belief, real2sim=Told(answer))
+    found = told.update(first, seen, Moved((tip, tip), 0.0, 0.0, STILL), no_log)
+    np.testing.assert_array_equal(found.values, first.values if kept else shown)
 
 
 def test_a_task_that_makes_no_difference_has_one_belief() -> None:

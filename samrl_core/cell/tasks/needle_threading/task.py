@@ -277,16 +277,18 @@ class NeedleThreading(Task):
     def sub_goals(self, values: np.ndarray, tip_position: np.ndarray) -> tuple[SubGoal, ...]:
         """`above`: the thread's end over the eye; then `thread_1`, `thread_2`, ...: ever higher points of the
         thread, as it hangs, lie in the eye's centre. Empty when done. Where the needle is unknown, `enter`
-        takes the end there first.
-
-        An end that is below the eye but not through it first goes up (`clear`).
+        takes the end there first. An end below the eye but not through it first goes up (`clear`).
         """
         tip = checked_tip(tip_position)
         if self.is_done(values, tip):
             return ()
         points, eye = self.thread_points(values, tip), self.eye_at(values)
         end, below = points[-1], length_below(points, self.eye_z)
-        numbers = np.arange(1, math.ceil(self._goal_length(points) / self.thread_step) + 1)
+        deep, whole = self.success_depth + 2 * self.done_margin, self.links * self.link_length
+        if self.finds_needle:
+            whole = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+        wanted = hanging_length(points, deep, self.thread_step, whole)  # below the eye, by its present shape
+        numbers = np.arange(1, math.ceil(wanted / self.thread_step) + 1)
         ahead = numbers[numbers * self.thread_step > below + 0.5 * self.thread_step]
         places = tip + eye - points_at(points, ahead * self.thread_step)
         goals = [
@@ -325,6 +327,10 @@ class NeedleThreading(Task):
         goals = self.sub_goals(values, tip_position)
         ahead = [g.name for g in goals if np.linalg.norm(g.tip_position - tip_position) > g.tolerance]
         return ahead[:1] == [ENTER]
+
+    def entered(self, values: np.ndarray, tip_position: np.ndarray) -> bool:
+        """See `Task`: the end is below the eye, and the thread passes through it."""
+        return self._threaded(self.thread_points(values, tip_position), 0.0, self.eye_at(values))
 
     def is_done(self, values: np.ndarray, tip_position: np.ndarray) -> bool:
         """By the estimate, the thread is in the eye and its end far enough below."""
@@ -385,13 +391,6 @@ class NeedleThreading(Task):
     def _threaded(self, points: np.ndarray, depth: float, eye: np.ndarray) -> bool:
         deep = points[-1, 2] <= eye[2] - depth
         return bool(deep and crossing_distance(points, eye) < self.eye_radius)
-
-    def _goal_length(self, points: np.ndarray) -> float:
-        """Length of thread below the eye at which its end hangs deep enough, by its present shape [m]."""
-        whole = self.links * self.link_length
-        if self.finds_needle:
-            whole = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
-        return hanging_length(points, self.success_depth + 2 * self.done_margin, self.thread_step, whole)
 
     def _tool(self) -> Tool:
         inside = (self.link_mass, self.stiffness, self.damping, self.thread_friction)

@@ -6,7 +6,6 @@ declares unknown (`Task.parameters`) and the colours of its bodies come with eve
 
 from __future__ import annotations
 
-from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,22 +79,6 @@ class Model:
         self._posed: _Occluders | None = None
         self._dynamics: TaskDynamics | None = None
         self._dynamics_of: dict[Task, TaskDynamics] = {}  # of parts of other sizes than drawn
-
-    def believing(self, task: Task) -> Model:
-        """This model with another belief in the same parameters; meshes, renderer and dynamics are shared.
-
-        Raises:
-            InputError: the task's parameters have other names or nominal values.
-        """
-        old, new = ([(p.name, p.nominal, p.kind) for p in one.parameters()] for one in (self.task, task))
-        if old != new:
-            raise InputError(
-                f"task {task.name} has parameters {new}, this model has {old}; another "
-                f"belief may differ in scales and bounds alone"
-            )
-        other = copy(self)
-        other.task = task
-        return other
 
     @property
     def mesh(self) -> SceneMesh:

@@ -122,20 +122,6 @@ class Task(ABC):
     def scene(self, cell: CellSpec) -> Scene:
         """Bodies at their nominal poses, and the tool."""
 
-    def entered(self, values: np.ndarray, tip_position: np.ndarray) -> bool:
-        """Whether, by values (P,), the target is within what it leaves only on the way that it came.
-
-        `tip_position` (3,) is the tool's, in the tool arm's base frame [m].
-        """
-        return False
-
-    def uncalibrated(self) -> Task | None:
-        """This task as it is believed in a cell that nobody calibrated; None where that is the same.
-
-        Names, order and nominal values of the parameters stay, so that values of one are values of the other.
-        """
-        return None
-
     def as_made(self, parts: Parts) -> Task:
         """This task with parts that differ from the drawing: what a world is built from, and no model.
 

@@ -27,10 +27,6 @@ class CoverageSettings:
     unexplained: float = 0.12  # a mix farther from a pixel's colour than this says nothing, 0..1
     distance: float = 0.003  # colour difference that counts as much as a pixel of distance, 0..1
     most_samples: tuple[int, int] = (24, 160)  # of the part, and of what lies around
-    # A colour of a part that so much of what is around has as well is none of its own, 1: all are its own.
-    # Asked of masks that keep so much of themselves without their rim; narrower ones show the part alone.
-    shared: float = 1.0
-    wide: float = 0.25
 
 
 def coverage(
@@ -73,10 +69,6 @@ def coverage(
         other = other[unlike]
         if not len(other):
             return found
-    elif s.shared < 1.0 and eroded(mask).sum() >= s.wide * mask.sum():
-        alike = _squared(color[tuple(part.T)], color[tuple(other.T)]) < s.least_contrast**2
-        own = alike.mean(axis=1) < s.shared
-        part = part[own] if own.any() else part
     part, other = _some(part, s.most_samples[0]), _some(other, s.most_samples[1])
     f, b = color[tuple(part.T)], color[tuple(other.T)]
     places = np.argwhere(asked)

@@ -7,16 +7,14 @@ a shift that both have in common is the camera's, which two parts fitted apart c
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from samrl_core.cell.types.camera import Camera
 from samrl_core.cell.types.observation import Observation
 from samrl_core.model.model import Model
-from samrl_core.model.real2sim.coverage import CoverageSettings, coverage
+from samrl_core.model.real2sim.coverage import coverage
 from samrl_core.model.real2sim.damped import DampedSettings
 from samrl_core.model.real2sim.information import ImageNoise, TargetImage, normal_equations, widened_belief
 from samrl_core.model.real2sim.misfit import Losses, Misfit, RealTarget
@@ -55,25 +53,6 @@ class PartSettings:
     # An outline leaves a thread's way along the view open: the belief has to hold it there while it is led.
     thread: PoseFitSettings = PoseFitSettings(belief_weight=2e-4, fine=DampedSettings(max_evaluations=4))
     polish: int = 10  # steps over all parts at most
-    one_by_one: bool = False  # whether the part that fits worst is left out first, and the others asked anew
-    around: float = math.inf  # of a body, what lies so far beside its origin, as it is believed [m]
-    coverage: CoverageSettings = CoverageSettings()
-
-    def uncalibrated(self) -> PartSettings:
-        """The same for a cell that nobody calibrated.
-
-        Of a body its origin's surroundings are compared, as a needle's eye: how long a post is shown, a focal
-        length, a lens and a mask two pixels too wide say as loudly as its distance does. Depth is off by
-        millimetres, the same in all pixels and images, and counts for nothing. A needle that is not found
-        must not take the thread with it, which is far from where it was believed.
-        """
-        return replace(
-            self,
-            one_by_one=True,
-            around=0.045,
-            noise=replace(self.noise, depth=1.0),
-            coverage=replace(self.coverage, shared=0.3),
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,52 +94,32 @@ def seen_parts(
             corners = model.target_surface(values, joints, number).reshape(-1, 3)
             low, high = corners.min(axis=0), corners.max(axis=0)
             reach = Reach(0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low)) + settings.margin)
-        near = compared_near(model, values, observation.camera, joints, number, settings.around)
-        seen = _cut(part, reach, observation, near, settings.coverage)
+        seen = _cut(part, reach, observation)
         least = settings.least_thin_pixels if part.is_chain else settings.least_pixels
         if seen.real.pixels >= least:
             found.append(replace(seen, number=number))
     return tuple(found)
 
 
-def compared_near(
-    model: Model, values: np.ndarray, camera: Camera, joints: np.ndarray, number: int, around: float
-) -> np.ndarray | None:
-    """Pixels (H, W) less than `around` [m] beside a body's origin as it is believed; None where all are."""
-    if model.parts[number].is_chain or math.isinf(around):
-        return None
-    origin = model.target_frames(values, joints, number).rows[0, 9:]
-    column, row, depth = camera.project(origin[None])[0]
-    k = camera.intrinsics
-    v, u = np.mgrid[: k.height, : k.width] + 0.5
-    return np.hypot(u - column, v - row) < around * k.fx / max(float(depth), 1e-3)
-
-
-def _cut(
-    part: TargetPart,
-    reach: Reach,
-    observation: Observation,
-    near: np.ndarray | None,
-    settings: CoverageSettings,
-) -> SeenPart:
+def _cut(part: TargetPart, reach: Reach, observation: Observation) -> SeenPart:
     """The part in an image, without what is measured far from it; its cloud at one depth, as it is seen."""
     frame, camera = observation.frame, observation.camera
     color, depth = frame.color / 255.0, frame.depth.astype(np.float64)
     plane = float(camera.camera_in_world.inverse().apply(reach.center)[2])
-    mask, clear, rim = frame.mask == part.label, near, 1
+    mask, clear, rim = frame.mask == part.label, None, 1
     if part.is_chain:  # its pixels' depth is often that of what lies behind
         v, u = np.mgrid[: mask.shape[0], : mask.shape[1]] + 0.5
         middle = camera.project(reach.center[None])[0, :2]
         mask &= np.hypot(u - middle[0], v - middle[1]) < reach.radius * camera.intrinsics.fx / plane
         others = (frame.mask != 0) & (frame.mask != part.label)
-        cover, rim = coverage(color, mask, True, others, settings), 0
+        cover, rim = coverage(color, mask, True, others), 0
         clear = clear_of_others(frame.mask, part.label, cover > _COVERED)
         mask = (cover > _COVERED) & clear
     else:
         far = np.linalg.norm(camera.unproject(depth) - reach.center, axis=-1) > reach.radius  # not where NaN
         depth = np.where(far, np.nan, depth)
-        cover = coverage(color, mask & ~far, False, settings=settings)
-        mask = cover > _COVERED if near is None else (cover > _COVERED) & near
+        cover = coverage(color, mask & ~far, False)
+        mask = cover > _COVERED
     image = TargetImage(color * mask[..., None], depth, mask, rim)
     cloud = camera.unproject(np.full(mask.shape, plane))[mask]
     return SeenPart(0, RealTarget(image, cloud, int(mask.sum()), clear), observation, plane, cover)
@@ -229,9 +188,6 @@ class PartFit:
         while used:
             values, covariance, why = self._polished(used, start, values, colors, belief, watch)
             good = tuple(one for one in used if self._fits(one, start, values, (known, colors), worse))
-            if self._parts.one_by_one and len(good) + 1 < len(used):
-                worst = min(used, key=lambda one: self._overlap(one, values, colors))
-                good = tuple(one for one in used if one is not worst)
             if len(good) == len(used):
                 why = "iteration_limit" if doubt.any() else why
                 return PoseFit(values, covariance + np.diag(doubt**2), colors, evaluations, why)
@@ -322,14 +278,12 @@ class PartFit:
         worse: float,
     ) -> bool:
         """Whether masks lie on each other, and points or colours are not clearly farther off than before."""
-        if self._overlap(one, values, colors[1]) < self._parts.least_overlap:
+        renderer = one.renderer(self._model, values)
+        mask = renderer.image(values[renderer.taken], colors[1]).mask
+        if overlap(mask, one.real.image.mask) < self._parts.least_overlap:
             return False
         before, after = self._losses(one, start, colors[0]), self._losses(one, values, colors[1])
         return not after.farther_than(before, worse)
-
-    def _overlap(self, one: SeenPart, values: np.ndarray, colors: np.ndarray) -> float:
-        renderer = one.renderer(self._model, values)
-        return overlap(renderer.image(values[renderer.taken], colors).mask, one.real.image.mask)
 
     def _losses(self, one: SeenPart, values: np.ndarray, colors: np.ndarray) -> Losses:
         renderer = one.renderer(self._model, values)

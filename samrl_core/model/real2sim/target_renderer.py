@@ -50,7 +50,6 @@ class TargetRenderer:
         self._tool_arm = tool_arm_position
         shape = (camera.intrinsics.height, camera.intrinsics.width)
         self._clear = np.ones(shape, dtype=bool) if clear is None else clear
-        self._near = clear is not None and not self.thin  # of a body, what lies near its origin
 
     def render(self, values: torch.Tensor, colors: torch.Tensor) -> Rendered:
         """The model's image (eq. 2)."""
@@ -88,7 +87,7 @@ class TargetRenderer:
 
     def _compared(self, rendered: Rendered, clear: np.ndarray) -> torch.Tensor:
         image = rendered.color * rendered.target[..., None]
-        return image * torch.from_numpy(clear)[..., None] if self.thin or self._near else image
+        return image * torch.from_numpy(clear)[..., None] if self.thin else image
 
     def image(self, values: np.ndarray, colors: np.ndarray) -> TargetImage:
         """The compared part for values (P,), without gradient."""
@@ -121,7 +120,7 @@ class TargetRenderer:
         world_in_camera = self.camera.camera_in_world.inverse()
         xyz = r.xyz.numpy().astype(np.float64)
         depth = xyz @ world_in_camera.rotation[2] + world_in_camera.position[2]
-        return color, depth, (r.target.numpy() > 0.5) & clear
+        return color, depth, r.target.numpy() > 0.5
 
     def cloud(self, rendered: Rendered) -> np.ndarray:
         """X_sim of eq. 5: the target's points (N, 3) in a rendered image, taken as from a real one [m]."""
@@ -129,7 +128,7 @@ class TargetRenderer:
             mask = self._thin_mask(rendered.target.detach().numpy(), rendered.label.numpy(), self._clear)
             depth = np.where(mask, rendered.depth.numpy().astype(np.float64), np.nan)
             return target_cloud(self.camera.unproject(depth), mask, 0)
-        mask = (rendered.target.detach().numpy() > 0.5) & self._clear
+        mask = rendered.target.detach().numpy() > 0.5
         return target_cloud(rendered.xyz.detach().numpy().astype(np.float64), mask)
 
     def compared_points(self, cloud: np.ndarray) -> np.ndarray:
@@ -198,9 +197,7 @@ class TargetRenderer:
         """
         variable = torch.tensor(colors, requires_grad=True)
         r = self.render(torch.as_tensor(values), variable)
-        shown = r.color[..., 0] * r.target.detach()
-        shown = shown * torch.from_numpy(self._clear) if self._near else shown
-        (gradient,) = torch.autograd.grad(shown.sum(), variable)
+        (gradient,) = torch.autograd.grad((r.color[..., 0] * r.target.detach()).sum(), variable)
         pixels = np.zeros(len(colors))
         pixels[self.target_groups] = gradient[self.target_groups, 0].numpy()
         return pixels

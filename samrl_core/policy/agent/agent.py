@@ -13,13 +13,20 @@ from samrl_core.cell.calibration.cell_correction import NO_CORRECTION, CellCorre
 from samrl_core.cell.calibration.seen_error import SeenError, seen_error
 from samrl_core.cell.types.observation import Observation
 from samrl_core.cell.types.pose import Pose
-from samrl_core.common.errors import InputError
+from samrl_core.common.errors import InputError, SolveError
 from samrl_core.common.streams import stream
 from samrl_core.model.model import Model
-from samrl_core.model.real2sim.prediction import CameraErrors
-from samrl_core.model.real2sim.real2sim import Estimate
+from samrl_core.model.real2sim.prediction import (
+    CameraErrors,
+    camera_kept,
+    likeliest,
+    loosened_by,
+    moved_by_contact,
+    predictions,
+    seen_from_elsewhere,
+)
+from samrl_core.model.real2sim.real2sim import Estimate, Real2Sim, initial_estimate
 from samrl_core.model.real2sim.tip_offset import TipOffset, TipOffsetFit, TipOffsetSettings
-from samrl_core.policy.agent.beliefs import BeliefChoice, Moved
 from samrl_core.policy.agent.exploration import Exploration, clip_norm, within_reach
 from samrl_core.policy.agent.settings import AgentSettings, Log, no_log, required
 from samrl_core.policy.contact.insertion import FREE_MOVES
@@ -155,15 +162,19 @@ class Agent:
     def update_model(self, observation: Observation) -> Estimate:
         """Lines 3 and 8: the estimate after an image.
 
-        Eq. 8 predicts each way that the last action may have gone, eq. 7 corrects each of them, by what is
-        believed of the cell's calibration (`BeliefChoice`).
+        Eq. 8 predicts each way that the last action may have gone, eq. 7 corrects each of them.
         """
         self._see_tip(observation)
         self._feel(observation, self.estimate.values)
         if self.settings.allows_update(self._updates):
             self._updates += 1
-            moved = self._moved(observation)
-            self.estimate = self._beliefs.update(self.estimate, observation, moved, self._log)
+            found = self._predictions(observation)
+            several = len(found) > 1
+            updates = [self._real2sim.update(one, observation, compared=several) for one in found]
+            before, self.estimate = self.estimate, likeliest(updates)
+            specs = self.model.task.parameters()
+            if any(moved_by_contact(before, one, specs) for one in found):
+                self.estimate = camera_kept(before, self.estimate, specs)
         else:
             self.estimate = replace(self.estimate, stamp_ns=observation.stamp_ns, why_stopped="disabled")
         return self.estimate
@@ -220,14 +231,9 @@ class Agent:
             name, nominal = self._planned_action(estimate.values, tip)
         return ActionChoice(name, nominal, self._residual_action(observation, tip, nominal))
 
-    @property
-    def uncalibrated(self) -> bool:
-        """Whether this episode's images have spoken for a cell that nobody calibrated."""
-        return self._beliefs.uncalibrated
-
     @cached_property
-    def _beliefs(self) -> BeliefChoice:
-        return BeliefChoice(self.model)
+    def _real2sim(self) -> Real2Sim:
+        return Real2Sim(self.model)
 
     @cached_property
     def _tip_offset_fit(self) -> TipOffsetFit:
@@ -261,7 +267,8 @@ class Agent:
             self._view_planner = self._view_planner.believing(self._camera_errors)
 
     def _forget(self) -> None:
-        self.estimate: Estimate = self._beliefs.begin(self._seen)
+        before = initial_estimate(self.model)
+        self.estimate: Estimate = loosened_by(before, self.model.task.parameters(), self._seen)
         self._tip_offset: TipOffset | None = None
         if self.settings.tip_offset and self._surface is None:  # a spatula's edge is felt, not seen
             self._tip_offset = self._tip_offset_fit.begin(self._kept_offset)
@@ -311,15 +318,24 @@ class Agent:
         tip = self.model.tip_in_base(observation.tool_arm.position).position
         return tip if self._tip_offset is None else tip + self._tip_offset.offset
 
-    def _moved(self, observation: Observation) -> Moved:
+    def _predictions(self, observation: Observation) -> tuple[Estimate, ...]:
         tip, camera = self._tip_by_image(observation), observation.camera.camera_in_world
         before, self._tip = self._tip, tip
-        last, self._camera = self._camera, camera
-        if before is None or last is None:
-            return Moved(None, 0.0, 0.0, self._camera_errors)
-        way = float(np.linalg.norm(camera.position - last.position))
-        tips = self._over_surface(before), self._over_surface(tip)  # the same before and after a touch
-        return Moved(tips, way, camera.angle_to(last), self._camera_errors)
+        specs = self.model.task.parameters()
+        if self._camera is not None:
+            way = float(np.linalg.norm(camera.position - self._camera.position))
+            turn = camera.angle_to(self._camera)
+            self.estimate = seen_from_elsewhere(self.estimate, specs, way, turn, self._camera_errors)
+        self._camera = camera
+        if before is None:
+            return (self.estimate,)
+        try:
+            dynamics = self.model.dynamics_at(self.estimate.values)
+            ways = self._over_surface(before), self._over_surface(tip)  # the same before and after a touch
+            return predictions(dynamics, specs, self.estimate, *ways)
+        except SolveError as error:
+            self._log(f"the last estimate stands in for a prediction: {error}")
+            return (self.estimate,)
 
     def _planned_action(self, values: np.ndarray, tip: np.ndarray) -> tuple[str, np.ndarray]:
         """Name of the next sub-goal, and the first action (3,) [m] of a plan; "none" and 0 when done."""

@@ -174,7 +174,6 @@ def episode_cases(job: EpisodeJob, anew: bool = True) -> list[Case]:
             "view": job.view,
             "success": outcome.success,
             "believed": ended == "done",
-            "uncalibrated": agent.uncalibrated,  # what the first images spoke for
             "why": "" if outcome.success else trouble or ended,
             "final_error": outcome.final_error,
             "peak_force": outcome.peak_force,

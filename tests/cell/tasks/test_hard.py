@@ -240,27 +240,6 @@ def test_the_aim_is_needed_where_the_end_enters_and_nowhere_else(aside: float) -
     assert not plain.needs_aim(np.zeros(20), tip)
 
 
-def test_every_cells_thread_is_within_what_is_believed_where_nobody_calibrated() -> None:
-    """Careless ones are up to a quarter longer or shorter than drawn, many beyond the usual bounds."""
-    task = threading()
-    wide = task.uncalibrated()
-    assert wide is not None and wide.uncalibrated() == wide and not wide.calibrated
-    assert [p.name for p in wide.parameters()] == [p.name for p in task.parameters()]
-    usual, wider = ({p.name: p for p in one.parameters()}["thread_length"] for one in (task, wide))
-    lengths = {}
-    for level in ("typical", "careless"):
-        made = [task.as_made(instance_named(f"{level}:{k}", CELL).parts) for k in range(40)]
-        lengths[level] = [t.link_length / task.link_length for t in made]
-    assert usual.lower <= min(lengths["typical"]) and max(lengths["typical"]) <= usual.upper
-    assert min(lengths["careless"]) < usual.lower and max(lengths["careless"]) > usual.upper
-    assert wider.lower <= min(lengths["careless"]) and max(lengths["careless"]) <= wider.upper
-
-
-def test_a_needle_that_is_known_is_believed_the_same_in_every_cell() -> None:
-    plain = TASKS["needle_threading"]
-    assert plain.uncalibrated() is None
-
-
 def test_a_longer_thread_stops_higher_above_the_eye() -> None:
     task, tip = threading(), np.array([0.5, 0.0, 0.3])
     drawn, longer = (task.sub_goals(needle_values((0.5, 0.0), s), tip)[0] for s in (1.0, 1.06))
@@ -301,12 +280,3 @@ def test_impossible_settings_are_refused(change: dict, word: str) -> None:
         replace(flipping(), small_radius=0.06)
     with pytest.raises(InputError, match="eyes"):
         replace(threading(), eyes=(0.004, 0.005))
-
-
-def test_a_thread_has_entered_where_it_passes_the_eye_and_its_end_is_below() -> None:
-    task, values = threading(), needle_values((0.5, 0.0))
-    end = task.thread_points(values, np.zeros(3))[-1]
-    places = {(0.0, 0.004): False, (0.0, -0.004): True, (0.0034, -0.004): True, (0.0036, -0.004): False}
-    for (aside, height), inside in places.items():
-        tip = task.eye_at(values) - end + [aside, 0.0, height]
-        assert task.entered(values, tip) is inside

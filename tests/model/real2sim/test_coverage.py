@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from samrl_core.common.errors import InputError
-from samrl_core.model.real2sim.coverage import CoverageSettings, coverage
+from samrl_core.model.real2sim.coverage import coverage
 
 RED, BLUE = np.array([0.8, 0.1, 0.1]), np.array([0.2, 0.4, 0.8])
 
@@ -48,35 +48,6 @@ def test_a_wide_part_of_two_colours_is_found_within_a_mask_that_is_too_large() -
     mask[14:26, 14:26] = True
     found = coverage(image, mask, thin=False)
     assert found[share > 0].min() > 0.8 and found[share == 0].max() < 0.2
-
-
-@pytest.mark.parametrize(("shared", "table"), [(1.0, (0.2, 1.0)), (0.3, (0.0, 0.2))])
-def test_a_mask_that_is_too_wide_makes_no_part_of_what_is_around(
-    shared: float, table: tuple[float, float]
-) -> None:
-    """A post two pixels wide in a mask of seven: most colours in the mask are the table's, of many tints."""
-    share = np.zeros((40, 40))
-    share[8:32, 19:21] = 1.0
-    tints = np.random.default_rng(1).uniform(0.35, 0.65, (40, 40, 1)) * [1.0, 0.7, 0.8]
-    image = share[..., None] * [0.45, 0.75, 0.5] + (1.0 - share[..., None]) * tints
-    mask = np.zeros((40, 40), dtype=bool)
-    mask[8:32, 16:24] = True
-    found = coverage(image, mask, thin=False, settings=CoverageSettings(shared=shared))
-    assert found[share > 0].mean() > 0.8
-    assert table[0] <= found[(share == 0) & mask].mean() <= table[1]
-
-
-def test_a_narrow_mask_keeps_colours_that_are_around_as_well() -> None:
-    """A post three pixels wide of which a mask shows one: were its colour the table's, it would vanish."""
-    share = np.zeros((40, 40))
-    share[8:32, 18:21] = 1.0
-    image = share[..., None] * [0.5, 0.5, 0.62] + (1.0 - share[..., None]) * [0.5, 0.4, 0.5]
-    mask = np.zeros((40, 40), dtype=bool)
-    mask[8:32, 19] = True
-    usual = coverage(image, mask, thin=False)
-    np.testing.assert_array_equal(
-        coverage(image, mask, thin=False, settings=CoverageSettings(shared=0.3)), usual
-    )
 
 
 def test_where_colours_are_alike_the_mask_stands() -> None:

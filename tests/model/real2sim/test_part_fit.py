@@ -17,7 +17,7 @@ from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.model.model import Model
 from samrl_core.model.real2sim.part_fit import PartSettings, seen_parts
 from samrl_core.model.real2sim.prediction import CameraErrors, seen_from_elsewhere
-from samrl_core.model.real2sim.real2sim import Estimate, Real2Sim, Real2SimSettings, initial_estimate
+from samrl_core.model.real2sim.real2sim import Estimate, Real2Sim, initial_estimate
 from samrl_core.model.real2sim.target_renderer import TargetRenderer
 from samrl_core.model.real2sim.thread_line import LineEquations, LineNoise, line_equations
 from samrl_core.studies.episodes.cell_driver import CellDriver
@@ -113,45 +113,6 @@ def test_a_needles_label_on_something_else_moves_no_needle(bench: Bench) -> None
     before = initial_estimate(bench.model)
     after = Real2Sim(bench.model).update(before, wrong)
     np.testing.assert_allclose(after.values[PLACE], before.values[PLACE], atol=1e-9)
-
-
-def uncalibrated(bench: Bench) -> tuple[Model, Real2Sim]:
-    """What fits the same images in a cell that nobody calibrated."""
-    task = TASK.uncalibrated()
-    assert task is not None
-    model, settings = bench.model.believing(task), Real2SimSettings()
-    return model, Real2Sim(model, replace(settings, parts=settings.parts.uncalibrated()))
-
-
-def test_what_is_far_below_the_eye_and_how_far_depth_is_off_tell_nothing_where_nobody_calibrated(
-    bench: Bench,
-) -> None:
-    """A mask that takes in table beside the post's foot, and depth that is 8 mm too short everywhere."""
-    seen, (model, real2sim) = bench.observe(3), uncalibrated(bench)
-    before = initial_estimate(model)
-    usual = real2sim.update(before, seen)
-    mask, frame = seen.frame.mask.copy(), seen.frame
-    rows, columns = np.nonzero(mask == TASK.needle_label)
-    foot = rows.max()
-    middle = int(columns[rows > foot - 5].mean())
-    mask[foot - 8 : foot + 4, middle - 7 : middle + 7] = TASK.needle_label
-    off = replace(seen, frame=replace(frame, mask=mask, depth=frame.depth - np.float32(0.008)))
-    after = real2sim.update(before, off)
-    assert after.why_stopped == usual.why_stopped
-    stated = np.sqrt(np.diag(usual.covariance))[PLACE]
-    assert (np.abs(after.values - usual.values)[PLACE] < np.minimum(0.25 * stated, 5e-4)).all()
-
-
-def test_a_needle_that_does_not_fit_takes_no_thread_with_it_where_nobody_calibrated(bench: Bench) -> None:
-    """Its label lies on the table: the thread's shape is read all the same."""
-    seen, (model, real2sim) = bench.observe(3), uncalibrated(bench)
-    mask = seen.frame.mask.copy()
-    mask[mask == TASK.needle_label] = 0
-    mask[75:95, 40:60] = TASK.needle_label
-    before = initial_estimate(model)
-    after = real2sim.update(before, replace(seen, frame=replace(seen.frame, mask=mask)))
-    np.testing.assert_allclose(after.values[PLACE], before.values[PLACE], atol=1e-9)
-    assert after.covariance[0, 0] < 0.9 * before.covariance[0, 0]
 
 
 def test_without_the_thread_nothing_is_fitted(bench: Bench) -> None:

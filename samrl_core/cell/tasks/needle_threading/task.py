@@ -25,7 +25,7 @@ from samrl_core.cell.tasks.needle_threading.thread import (
     length_below,
     points_at,
 )
-from samrl_core.cell.tasks.needle_threading.tool import THREAD_COLOR, hand_with_thread, thread_links
+from samrl_core.cell.tasks.needle_threading.tool import THREAD_COLOR, hand_with_thread, thread_link
 from samrl_core.cell.tasks.needle_threading.unknowns import CAMERA, COUNT, LENGTH, PLACE, TURN, NeedleUnknowns
 from samrl_core.cell.tasks.screen import Screen, bodies_of
 from samrl_core.cell.tasks.start import DOWN, checked_tip, middle_view, require_origin, start_joints
@@ -85,7 +85,6 @@ class NeedleThreading(Task):
     screens: tuple[Screen, ...] = ()  # that stand in the way of some views
     post_range: float = 0.0  # the needle stands within +- this of its place, in x and y [m]
     length_range: float = 0.0  # the thread is within +- this share of its drawn length [-]
-    calibrated: bool = True  # whether beliefs are those of a cell that somebody calibrated
     stretch: float = 1.0  # of the thread's length over that of its links as drawn; see `as_believed` [-]
     eyes: tuple[float, ...] = ()  # least and largest radius of eyes as made; (): fitted to the thread [m]
     softness: float = 1.0  # times what `Parts` says of the thread's length and stiffness [-]
@@ -149,10 +148,6 @@ class NeedleThreading(Task):
             self.eye_friction,
         )
         return Scene((needle, *bodies_of(self.screens)), self._tool())
-
-    def uncalibrated(self) -> NeedleThreading | None:
-        """See `Task`."""
-        return replace(self, calibrated=False) if self.finds_needle else None
 
     def as_made(self, parts: Parts) -> NeedleThreading:
         """Another thread, longer, thicker and stiffer or not, and another eye."""
@@ -277,18 +272,16 @@ class NeedleThreading(Task):
     def sub_goals(self, values: np.ndarray, tip_position: np.ndarray) -> tuple[SubGoal, ...]:
         """`above`: the thread's end over the eye; then `thread_1`, `thread_2`, ...: ever higher points of the
         thread, as it hangs, lie in the eye's centre. Empty when done. Where the needle is unknown, `enter`
-        takes the end there first. An end below the eye but not through it first goes up (`clear`).
+        takes the end there first.
+
+        An end that is below the eye but not through it first goes up (`clear`).
         """
         tip = checked_tip(tip_position)
         if self.is_done(values, tip):
             return ()
         points, eye = self.thread_points(values, tip), self.eye_at(values)
         end, below = points[-1], length_below(points, self.eye_z)
-        deep, whole = self.success_depth + 2 * self.done_margin, self.links * self.link_length
-        if self.finds_needle:
-            whole = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
-        wanted = hanging_length(points, deep, self.thread_step, whole)  # below the eye, by its present shape
-        numbers = np.arange(1, math.ceil(wanted / self.thread_step) + 1)
+        numbers = np.arange(1, math.ceil(self._goal_length(points) / self.thread_step) + 1)
         ahead = numbers[numbers * self.thread_step > below + 0.5 * self.thread_step]
         places = tip + eye - points_at(points, ahead * self.thread_step)
         goals = [
@@ -327,10 +320,6 @@ class NeedleThreading(Task):
         goals = self.sub_goals(values, tip_position)
         ahead = [g.name for g in goals if np.linalg.norm(g.tip_position - tip_position) > g.tolerance]
         return ahead[:1] == [ENTER]
-
-    def entered(self, values: np.ndarray, tip_position: np.ndarray) -> bool:
-        """See `Task`: the end is below the eye, and the thread passes through it."""
-        return self._threaded(self.thread_points(values, tip_position), 0.0, self.eye_at(values))
 
     def is_done(self, values: np.ndarray, tip_position: np.ndarray) -> bool:
         """By the estimate, the thread is in the eye and its end far enough below."""
@@ -374,8 +363,7 @@ class NeedleThreading(Task):
 
     @property
     def _unknowns(self) -> NeedleUnknowns:
-        unknowns = NeedleUnknowns(self.post_range, length=self.length_range)
-        return unknowns if self.calibrated else unknowns.uncalibrated()
+        return NeedleUnknowns(self.post_range, length=self.length_range)
 
     def _found(self, values: np.ndarray) -> np.ndarray:
         """What follows the angles: (7,), or (0,) where the needle is known."""
@@ -392,8 +380,20 @@ class NeedleThreading(Task):
         deep = points[-1, 2] <= eye[2] - depth
         return bool(deep and crossing_distance(points, eye) < self.eye_radius)
 
+    def _goal_length(self, points: np.ndarray) -> float:
+        """Length of thread below the eye at which its end hangs deep enough, by its present shape [m]."""
+        whole = self.links * self.link_length
+        if self.finds_needle:
+            whole = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+        return hanging_length(points, self.success_depth + 2 * self.done_margin, self.thread_step, whole)
+
     def _tool(self) -> Tool:
-        inside = (self.link_mass, self.stiffness, self.damping, self.thread_friction)
-        shape = (self.links, self.link_colors, self.link_length, self.thread_radius)
-        chain = thread_links(*shape, *inside, label=self.thread_label)
+        chain = tuple(
+            thread_link(
+                f"thread_{i}", self.link_length, self.thread_radius, self.link_mass, self.stiffness,
+                self.damping, self.thread_friction, self.thread_label,
+                self.link_colors[i % len(self.link_colors)],
+            )
+            for i in range(self.links)
+        )  # fmt: skip
         return hand_with_thread(chain, self.thread_radius, self.thread_friction, self.tool_label)

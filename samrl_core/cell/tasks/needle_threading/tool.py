@@ -48,19 +48,6 @@ def thread_link(
     )
 
 
-def thread_links(
-    count: int, colors: tuple[Rgb, ...], length: float, radius: float, *more: float, label: int
-) -> tuple[ChainLink, ...]:
-    """So many alike, of the colours in turn, over and over; other arguments as of `thread_link`."""
-    mass, stiffness, damping, friction = more
-    return tuple(
-        thread_link(
-            f"thread_{i}", length, radius, mass, stiffness, damping, friction, label, colors[i % len(colors)]
-        )
-        for i in range(count)
-    )
-
-
 def capsule_inertia(radius: float, length: float, mass: float) -> np.ndarray:
     """Inertia (3, 3) [kg m2] of a solid capsule about its centre; `length` is between its ends' centres."""
     cylinder, ball = np.array([length, 4 / 3 * radius]) * mass / (length + 4 / 3 * radius)

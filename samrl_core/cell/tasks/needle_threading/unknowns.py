@@ -9,7 +9,7 @@ shifts thread and needle alike in an image is the camera's.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,16 +27,6 @@ class NeedleUnknowns:
     turn: float = 0.1  # standard deviation [rad]
     length: float = 0.0  # within +- this share of the drawn one [-]
     camera: float = 0.0025  # standard deviation per axis [m]
-
-    def uncalibrated(self) -> NeedleUnknowns:
-        """The same of a cell that nobody calibrated.
-
-        Its threads are within 24 % of their drawn length, 8 % three times over, which is the bound here; the
-        camera shows all 5 to 10 mm beside its place, which images tell; needles are turned by up to 0.4 rad.
-        """
-        return replace(
-            self, turn=max(self.turn, 0.23), length=max(self.length, 0.16), camera=max(self.camera, 0.006)
-        )
 
     def specs(self, eye_x: float, eye_y: float) -> tuple[ParameterSpec, ...]:
         """Declared parameters of a needle drawn with its eye there [m]."""

@@ -43,7 +43,6 @@ _FILES = (
     "load.cable",
     "description.model_scale",
     "drive.dead_band",
-    "drive.motor_constant",
 )
 
 # What recorded poses show. A family that joint channels show too has a file for each.

@@ -67,8 +67,7 @@ def _forms(name: str) -> tuple[str, ...]:
 
 
 # What only a servo can have is made by the servo worlds (test_servo_worlds.py).
-# A motor's constant: the machines of tests/diagnosis/controllers have it.
-OF_SERVOS = (set(SERVO_FAMILIES) - set(CATALOGUE)) | {"motor_constant"}
+OF_SERVOS = set(SERVO_FAMILIES) - set(CATALOGUE)
 OF_MACHINES = [e for e in EFFECTS if not e.of_description and e.family not in OF_SERVOS]
 ALL = [(name, form) for name in DISTURBANCES for form in _forms(name)]
 
@@ -147,7 +146,7 @@ def _labels(name: str) -> list[dict[str, Quantity]]:
 
 def test_each_effect_has_its_disturbance() -> None:
     assert [e.family for e in OF_MACHINES] == list(CATALOGUE)
-    assert OF_SERVOS == {"dead_band", "motor_constant"}
+    assert OF_SERVOS == {"dead_band"}
 
 
 @pytest.mark.parametrize("effect", OF_MACHINES, ids=lambda e: e.family)

@@ -38,7 +38,6 @@ class Differs:
     backlash: float = 0.0  # half width [rad]
     gain: float = 0.0  # of the drive's torque, relative
     supply: float = 0.0  # of the voltage that a duty cycle stands for, relative
-    magnets: float = 0.0  # of torque and back-EMF constant alike, relative
     proportional: float = 0.0  # of the position loop, relative
     delay: float = 0.0  # of the command [s]
     tight: tuple[float, float, float] = (0.0, 1.0, 0.01)  # spots: friction [N m], order [1/rad], turn [rad/s]
@@ -94,7 +93,6 @@ class Drive:
         self.loop_gain = np.array([1.0 + d.proportional for d in differs])
         self.torque_gain = np.array([1.0 + d.gain for d in differs])
         self.supply = np.array([1.0 + d.supply for d in differs])
-        self.flux = np.array([1.0 + d.magnets for d in differs])
         self.ratio = self._one("gear_ratio", 1.0)
 
     def _one(self, name: str, default: float = 0.0) -> float:
@@ -132,9 +130,9 @@ class Drive:
         kind, one, n = self.about["type"], self._one, self.ratio
         if kind in ("voltage_servo", "voltage_motor"):
             constant = one("torque_constant")
-            emf = self.flux * one("back_emf_constant", constant)
+            emf = one("back_emf_constant", constant)
             current = (self.supply * output - emf * n * dq) / one("resistance")
-            return self.torque_gain * self.flux * constant * n * current, constant * n * current
+            return self.torque_gain * constant * n * current, constant * n * current
         if kind == "current_motor":
             torque = one("torque_constant") * n * output
             return self.torque_gain * torque, torque

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import fields
 from functools import cache
 from pathlib import Path
 
@@ -11,7 +11,6 @@ import pytest
 
 import samrl_core.diagnosis.effects
 from samrl_core.cell.excitation.catalogue import KINDS
-from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.diagnose import library
 from samrl_core.diagnosis.effects import EFFECTS, EVERY_EFFECT, FAMILIES, NOT_BY_JOINTS, Effect
@@ -45,19 +44,8 @@ STIFF_SHAPES = {
 
 @cache
 def rich() -> Likelihood:
-    """All channels, all joints in motion, and now and then a lost packet, so that everything can be seen.
-
-    Its motors are described with a little back-EMF, which they do not have.
-    """
-    recordings = worlds.world(11, "D", hold_probability=0.2)
-    return Likelihood(worlds.trials([_with_back_emf(r) for r in recordings]))
-
-
-def _with_back_emf(recording: ArmRecording) -> ArmRecording:
-    controller = recording.arm.controller
-    assert controller is not None
-    law = replace(controller.law, back_emf=0.02)
-    return replace(recording, arm=replace(recording.arm, controller=replace(controller, law=law)))
+    """All channels, all joints in motion, and now and then a lost packet, so that everything can be seen."""
+    return Likelihood(worlds.trials(worlds.world(11, "D", hold_probability=0.2)))
 
 
 def test_families_and_numbers_are_unique() -> None:

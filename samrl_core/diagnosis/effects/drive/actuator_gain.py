@@ -25,7 +25,7 @@ class ActuatorGain(DriveEffect):
     source = "drift of magnets and current sensors: +-10 %; a battery from full to empty: -25 %"
     excitation = "static poses and motion"
     experiment = "two_loads"
-    confounded_with = ("payload", "torque_sensor_error", "load_dependent_friction", "motor_constant")
+    confounded_with = ("payload", "torque_sensor_error", "load_dependent_friction")
     parameters = (Parameter("e", "1", -0.3, 0.3, "relative error of the torque"),)
 
     def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:

@@ -39,7 +39,7 @@ from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
 from samrl_core.diagnosis.selection.selection import Selection, SelectionSettings, select
 from samrl_core.diagnosis.verdict import rules
 from samrl_core.diagnosis.verdict.how_far import HowFar
-from samrl_core.diagnosis.verdict.judge import judge_sets
+from samrl_core.diagnosis.verdict.judge import Judge
 from samrl_core.diagnosis.verdict.least_sizes import least_sizes
 
 Progress = Callable[[str], None]
@@ -236,10 +236,11 @@ def _conclude(
     """Everything that follows from the selection."""
     kind, settings = case.kind, case.settings
     evidence = Evidence(likelihood, selection.correlation_time)
-    judged = judge_sets(
-        likelihood, held, selection, settings.verdict, settings.simulate, settings.seed, case.progress,
+    judge = Judge(
+        likelihood, held, settings.verdict, settings.simulate, settings.seed, case.progress,
         kind.doubts_of(likelihood, held),
     )  # fmt: skip
+    judged = judge.judge_first(selection)
     watch.done("how sure and how far")
     selection, outcome, named, far = judged.selection, judged.outcome, judged.named, judged.far
     chosen = selection.chosen

@@ -50,47 +50,115 @@ class Judged:
     outcome: rules.Decision
 
 
-def judge_sets(
-    likelihood: Likelihood,
-    held: Likelihood,
-    selection: Selection,
-    settings: rules.VerdictSettings,
-    simulate: bool,
-    seed: int,
-    progress: Callable[[str], None],
-    doubts: Doubts = lambda evidence, chosen, least: [],
-) -> Judged:
-    """The first set that is not refused, or else the nearest."""
-    nearest: Judged | None = None
-    attempts = _attempts(likelihood, held, selection)
-    contradicted: tuple[int, ...] = ()
-    refused: set[str] = set()
-    for _ in range(ATTEMPTS):
-        try:
-            tried = attempts.send(contradicted if nearest is not None else None)
-        except StopIteration:
-            break
-        tried = replace(tried, denied=tried.denied | refused)
-        one, contradicted = judge_set(likelihood, held, tried, settings, simulate, seed, progress, doubts)
-        if (plainer := _plainer(likelihood, held, one)) is not None:
-            simple, denied = judge_set(likelihood, held, plainer, settings, simulate, seed, progress, doubts)
-            if simple.outcome.verdict != "none_of_mine" and comes_as_close(simple.far.gap, one.far.gap):
-                one, contradicted = simple, denied
-        without = _without_superfluous(likelihood, held, one, settings, simulate, seed, progress, doubts)
-        if without is not None:
-            one, contradicted = without, ()
-        if one.outcome.verdict != "none_of_mine" and (nearest is None or _replaces(one, nearest)):
-            return one
-        nearest = nearest or one
-        if one.named and (contradicted == (0,) or len(one.named) == 1):
-            refused.add(one.named[0].name)
-    assert nearest is not None
-    if nearest.selection.chosen is not None and nearest.outcome.verdict == "none_of_mine":
-        quiet = rules.unconfirmed(nearest.outcome, nearest.selection, nearest.named[0], settings)
-        evidence = Evidence(likelihood, nearest.selection.correlation_time)
-        if quiet is not None and not doubts(evidence, None, selection.threshold):
-            return replace(nearest, outcome=quiet)
-    return nearest
+@dataclass(frozen=True, eq=False)
+class Judge:
+    """What sets of effects are judged by: recordings to fit and held out, limits, and known causes beside."""
+
+    likelihood: Likelihood
+    held: Likelihood
+    settings: rules.VerdictSettings
+    simulate: bool
+    seed: int
+    progress: Callable[[str], None]
+    doubts: Doubts = lambda evidence, chosen, least: []
+
+    def judge_first(self, selection: Selection) -> Judged:
+        """The first set that is not refused, or else the nearest."""
+        nearest: Judged | None = None
+        attempts = _attempts(self.likelihood, self.held, selection)
+        contradicted: tuple[int, ...] = ()
+        refused: set[str] = set()
+        for _ in range(ATTEMPTS):
+            try:
+                tried = attempts.send(contradicted if nearest is not None else None)
+            except StopIteration:
+                break
+            tried = replace(tried, denied=tried.denied | refused)
+            one, contradicted = self.judge_set(tried)
+            if (plainer := _plainer(self.likelihood, self.held, one)) is not None:
+                simple, denied = self.judge_set(plainer)
+                if simple.outcome.verdict != "none_of_mine" and comes_as_close(simple.far.gap, one.far.gap):
+                    one, contradicted = simple, denied
+            without = self._without_superfluous(one)
+            if without is not None:
+                one, contradicted = without, ()
+            if one.outcome.verdict != "none_of_mine" and (nearest is None or _replaces(one, nearest)):
+                return one
+            nearest = nearest or one
+            if one.named and (contradicted == (0,) or len(one.named) == 1):
+                refused.add(one.named[0].name)
+        assert nearest is not None
+        if nearest.selection.chosen is not None and nearest.outcome.verdict == "none_of_mine":
+            quiet = rules.unconfirmed(nearest.outcome, nearest.selection, nearest.named[0], self.settings)
+            evidence = Evidence(self.likelihood, nearest.selection.correlation_time)
+            if quiet is not None and not self.doubts(evidence, None, selection.threshold):
+                return replace(nearest, outcome=quiet)
+        return nearest
+
+    def judge_set(self, selection: Selection) -> tuple[Judged, tuple[int, ...]]:
+        """A set with its verdict, and the indices of members that an alarm contradicts."""
+        rng = np.random.default_rng(self.seed)
+        likelihood, held = self.likelihood, self.held
+        evidence = Evidence(likelihood, selection.correlation_time)
+        selection, open_forms = keep_forms_open(likelihood, held, selection)
+        chosen = selection.chosen
+        named: tuple[NamedEffect, ...] = ()
+        runner_ups: tuple[NamedEffect, ...] = ()
+        alarms: list[str] = []
+        if chosen is not None:
+            self.progress("how sure")
+            twins, rivals, denied = _rivals(evidence, held, selection, chosen)
+            p = probabilities([chosen, *rivals], selection.remaining, range(1, len(twins) + 1), denied)
+            named = tuple(
+                _named(evidence, chosen, i, float(p[0]), "primary" if i == 0 else "secondary", rng)
+                for i in range(len(chosen.hypotheses))
+            )
+            runner_ups = tuple(
+                _named(evidence, f, 0, float(q), "runner_up", rng)
+                for f, q in zip(rivals[:RUNNER_UPS], p[1:], strict=False)
+            )
+            whole = Likelihood([*likelihood.trials, *held.trials])
+            alarms += invariance_alarms(whole, chosen, selection.correlation_time)
+            for h in chosen.hypotheses:
+                alarms += [f"{h.name}: {name} ended on the bound of its search" for name in on_bound(h)]
+        doubted = self.doubts(evidence, chosen, selection.threshold)
+        alarms = [*doubted, *alarms]  # what was seen says more than what an effect of the library cannot do
+        self.progress("how far")
+        far = how_far(held, selection, self.simulate, rng, self.progress, likelihood)
+        alarms += list(far.alarms)
+        outcome = rules.decide(selection, named, runner_ups, alarms, far, self.settings)
+        if chosen is None and doubted:
+            outcome = rules.Decision("none_of_mine", tuple(doubted), unexplained=1.0)
+        if outcome.verdict == "effect" and nothing_confirms(likelihood, selection, far, self.settings):
+            outcome = not_confirmed(selection, named[0], runner_ups)
+            named, runner_ups = _as_open(named, runner_ups, outcome.tied)
+        if outcome.verdict in ("effect", "ambiguous"):
+            outcome = replace(outcome, reasons=(*outcome.reasons, *open_forms))
+        contradicted = tuple(
+            i for i, n in enumerate(named) if any(a.startswith((f"{n.name}:", f"{n.name} ")) for a in alarms)
+        )
+        if outcome.contradicted and not contradicted and len(named) > 1:
+            contradicted = (len(named) - 1,)  # held-out recordings deny the set, and say not which of it
+        return Judged(selection, named, runner_ups, tuple(alarms), far, outcome), contradicted
+
+    def _without_superfluous(self, one: Judged) -> Judged | None:
+        """The set without further members for which nothing certain speaks; None where all stand or it falls.
+
+        What stood beside one of them need not stand without it: what is contradicted then goes too.
+        """
+        if one.outcome.verdict == "none_of_mine" or len(one.named) < 2:
+            return None
+        less, leave = one, find_superfluous(one.selection, one.named, one.far)[-1:]
+        while leave:
+            fewer = without_member(self.likelihood, self.held, less.selection, leave)
+            if fewer.chosen is None or not np.isfinite(fewer.chosen.log_evidence):
+                return None
+            less, denied = self.judge_set(fewer)
+            if less.outcome.verdict == "none_of_mine":
+                leave = tuple(k for k in denied if k > 0)
+            else:
+                leave = find_superfluous(less.selection, less.named, less.far)[-1:]
+        return None if less is one or less.outcome.verdict == "none_of_mine" else less
 
 
 def _attempts(
@@ -111,35 +179,6 @@ def _attempts(
         if not waiting or selection.again is None:
             return
         tried = selection.again(waiting.pop(0))
-
-
-def _without_superfluous(
-    likelihood: Likelihood,
-    held: Likelihood,
-    one: Judged,
-    settings: rules.VerdictSettings,
-    simulate: bool,
-    seed: int,
-    progress: Callable[[str], None],
-    doubts: Doubts,
-) -> Judged | None:
-    """The set without further members for which nothing certain speaks; None where all stand, or it falls.
-
-    What stood beside one of them need not stand without it: what is contradicted then goes too.
-    """
-    if one.outcome.verdict == "none_of_mine" or len(one.named) < 2:
-        return None
-    less, leave = one, find_superfluous(one.selection, one.named, one.far)[-1:]
-    while leave:
-        fewer = without_member(likelihood, held, less.selection, leave)
-        if fewer.chosen is None or not np.isfinite(fewer.chosen.log_evidence):
-            return None
-        less, denied = judge_set(likelihood, held, fewer, settings, simulate, seed, progress, doubts)
-        if less.outcome.verdict == "none_of_mine":
-            leave = tuple(k for k in denied if k > 0)
-        else:
-            leave = find_superfluous(less.selection, less.named, less.far)[-1:]
-    return None if less is one or less.outcome.verdict == "none_of_mine" else less
 
 
 def _plainer(likelihood: Likelihood, held: Likelihood, one: Judged) -> Selection | None:
@@ -205,61 +244,6 @@ def _explains_the_rest(one: Judged, nearest: Judged) -> bool:
         a.unexplained <= OF_THE_REST * b.unexplained
         and a.held_out_unexplained <= OF_THE_REST * b.held_out_unexplained
     )
-
-
-def judge_set(
-    likelihood: Likelihood,
-    held: Likelihood,
-    selection: Selection,
-    settings: rules.VerdictSettings,
-    simulate: bool,
-    seed: int,
-    progress: Callable[[str], None],
-    doubts: Doubts = lambda evidence, chosen, least: [],
-) -> tuple[Judged, tuple[int, ...]]:
-    """A set with its verdict, and the indices of members that an alarm contradicts."""
-    rng = np.random.default_rng(seed)
-    evidence = Evidence(likelihood, selection.correlation_time)
-    selection, open_forms = keep_forms_open(likelihood, held, selection)
-    chosen = selection.chosen
-    named: tuple[NamedEffect, ...] = ()
-    runner_ups: tuple[NamedEffect, ...] = ()
-    alarms: list[str] = []
-    if chosen is not None:
-        progress("how sure")
-        twins, rivals, denied = _rivals(evidence, held, selection, chosen)
-        p = probabilities([chosen, *rivals], selection.remaining, range(1, len(twins) + 1), denied)
-        named = tuple(
-            _named(evidence, chosen, i, float(p[0]), "primary" if i == 0 else "secondary", rng)
-            for i in range(len(chosen.hypotheses))
-        )
-        runner_ups = tuple(
-            _named(evidence, f, 0, float(q), "runner_up", rng)
-            for f, q in zip(rivals[:RUNNER_UPS], p[1:], strict=False)
-        )
-        whole = Likelihood([*likelihood.trials, *held.trials])
-        alarms += invariance_alarms(whole, chosen, selection.correlation_time)
-        for h in chosen.hypotheses:
-            alarms += [f"{h.name}: {name} ended on the bound of its search" for name in on_bound(h)]
-    doubted = doubts(evidence, chosen, selection.threshold)
-    alarms = [*doubted, *alarms]  # what was seen says more than what an effect of the library cannot do
-    progress("how far")
-    far = how_far(held, selection, simulate, rng, progress, likelihood)
-    alarms += list(far.alarms)
-    outcome = rules.decide(selection, named, runner_ups, alarms, far, settings)
-    if chosen is None and doubted:
-        outcome = rules.Decision("none_of_mine", tuple(doubted), unexplained=1.0)
-    if outcome.verdict == "effect" and nothing_confirms(likelihood, selection, far, settings):
-        outcome = not_confirmed(selection, named[0], runner_ups)
-        named, runner_ups = _as_open(named, runner_ups, outcome.tied)
-    if outcome.verdict in ("effect", "ambiguous"):
-        outcome = replace(outcome, reasons=(*outcome.reasons, *open_forms))
-    contradicted = tuple(
-        i for i, n in enumerate(named) if any(a.startswith((f"{n.name}:", f"{n.name} ")) for a in alarms)
-    )
-    if outcome.contradicted and not contradicted and len(named) > 1:
-        contradicted = (len(named) - 1,)  # held-out recordings deny the set, and say not which of it
-    return Judged(selection, named, runner_ups, tuple(alarms), far, outcome), contradicted
 
 
 def _rivals(

@@ -11,6 +11,8 @@ from samrl_core.diagnosis.kinds.arms import arm_trials
 from samrl_core.diagnosis.residuals.likelihood import Likelihood, Regressors
 from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Hypothesis, hypothesis
+from samrl_core.diagnosis.verdict.judge import Judge
+from samrl_core.diagnosis.verdict.rules import VerdictSettings
 from tests.diagnosis.controllers.kinds import VELOCITY_DRIVE
 from tests.diagnosis.controllers.machines import Differs, worlds
 
@@ -80,3 +82,9 @@ class Bench:
     def set_residual(self, trial: Trial, residual: np.ndarray) -> None:
         """Let a recording hold this residual (N,) [N m] and nothing else."""
         trial.equations.residual["dynamics"][:, 0] = residual
+
+
+def judge_without_recordings() -> Judge:
+    """A judge whose verdicts a test states: it has no likelihood to read."""
+    empty = cast("Likelihood", None)
+    return Judge(empty, empty, VerdictSettings(), False, 0, lambda _: None)

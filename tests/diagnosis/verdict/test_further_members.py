@@ -17,9 +17,9 @@ from samrl_core.diagnosis.selection.selection import Selection
 from samrl_core.diagnosis.verdict import judge
 from samrl_core.diagnosis.verdict.further_members import find_superfluous
 from samrl_core.diagnosis.verdict.how_far import HowFar, how_far
-from samrl_core.diagnosis.verdict.judge import Judged, judge_sets
-from samrl_core.diagnosis.verdict.rules import Decision, VerdictSettings
-from tests.diagnosis.selection.bench import Bench
+from samrl_core.diagnosis.verdict.judge import Judge, Judged
+from samrl_core.diagnosis.verdict.rules import Decision
+from tests.diagnosis.selection.bench import Bench, judge_without_recordings
 
 
 def selection_of(fit: Fit) -> Selection:
@@ -106,17 +106,16 @@ def test_a_superfluous_effect_is_left_out_if_the_others_stand(
     single = replace(pair, hypotheses=pair.hypotheses[:1], amplitudes=pair.amplitudes[:1])
     second = named("payload@arm:a", mass=(-0.03, 0.01))
 
-    def judge_set(likelihood: Any, held: Any, tried: Selection, *rest: Any) -> tuple[Judged, tuple[int, ...]]:
+    def judge_set(self: Judge, tried: Selection) -> tuple[Judged, tuple[int, ...]]:
         assert tried.chosen is not None
         alone = len(tried.chosen.hypotheses) == 1
         verdict = "none_of_mine" if alone and refused else "effect"
         effects = (GAINS,) if alone else (GAINS, second)
         return Judged(tried, effects, (), (), HowFar(None, ()), Decision(verdict, ())), ()
 
-    monkeypatch.setattr(judge, "judge_set", judge_set)
+    monkeypatch.setattr(Judge, "judge_set", judge_set)
     monkeypatch.setattr(judge, "without_member", lambda likelihood, held, was, members: selection_of(single))
-    empty = cast("Likelihood", None)
-    found = judge_sets(empty, empty, selection_of(pair), VerdictSettings(), False, 0, lambda _: None)
+    found = judge_without_recordings().judge_first(selection_of(pair))
     assert found.named == ((GAINS, second) if refused else (GAINS,))
 
 
@@ -136,7 +135,7 @@ def test_what_stood_beside_a_superfluous_effect_goes_too(monkeypatch: pytest.Mon
     of = {1: (GAINS,), 2: (GAINS, third), 3: (GAINS, third, named("payload@arm:a", mass=(-0.03, 0.01)))}
     sets = {k: Fit(tuple(member() for _ in range(k)), (np.ones(1),) * k, np.eye(k), 100.0) for k in of}
 
-    def judge_set(likelihood: Any, held: Any, tried: Selection, *rest: Any) -> tuple[Judged, tuple[int, ...]]:
+    def judge_set(self: Judge, tried: Selection) -> tuple[Judged, tuple[int, ...]]:
         assert tried.chosen is not None
         count = len(tried.chosen.hypotheses)
         verdict, denied = ("none_of_mine", (1,)) if count == 2 else ("effect", ())
@@ -146,10 +145,9 @@ def test_what_stood_beside_a_superfluous_effect_goes_too(monkeypatch: pytest.Mon
         assert was.chosen is not None
         return selection_of(sets[len(was.chosen.hypotheses) - len(members)])
 
-    monkeypatch.setattr(judge, "judge_set", judge_set)
+    monkeypatch.setattr(Judge, "judge_set", judge_set)
     monkeypatch.setattr(judge, "without_member", without)
-    empty = cast("Likelihood", None)
-    found = judge_sets(empty, empty, selection_of(sets[3]), VerdictSettings(), False, 0, lambda _: None)
+    found = judge_without_recordings().judge_first(selection_of(sets[3]))
     assert found.named == (GAINS,)
 
 

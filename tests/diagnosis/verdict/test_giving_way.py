@@ -16,8 +16,9 @@ from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
 from samrl_core.diagnosis.selection.selection import Selection, SelectionSettings
 from samrl_core.diagnosis.verdict import judge
 from samrl_core.diagnosis.verdict.how_far import HowFar
-from samrl_core.diagnosis.verdict.judge import Judged, comes_as_close, judge_sets
+from samrl_core.diagnosis.verdict.judge import Judge, Judged, comes_as_close
 from samrl_core.diagnosis.verdict.rules import Decision, VerdictSettings, unconfirmed
+from tests.diagnosis.selection.bench import judge_without_recordings
 
 if TYPE_CHECKING:
     from samrl_core.diagnosis.residuals.likelihood import Likelihood
@@ -114,7 +115,7 @@ def judged_by(monkeypatch: pytest.MonkeyPatch, refused: set[str]) -> list[Select
     """The selections that are judged, where first effects of these names are refused."""
     seen: list[Selection] = []
 
-    def judge_set(likelihood: Any, held: Any, tried: Selection, *rest: Any) -> tuple[Judged, tuple[int, ...]]:
+    def judge_set(self: Judge, tried: Selection) -> tuple[Judged, tuple[int, ...]]:
         assert tried.chosen is not None
         name = tried.chosen.hypotheses[0].name
         verdict = "none_of_mine" if name in refused else "effect"
@@ -123,7 +124,7 @@ def judged_by(monkeypatch: pytest.MonkeyPatch, refused: set[str]) -> list[Select
         one = Judged(tried, (named,), (), (), HowFar(None, ()), Decision(verdict, ()))
         return one, (0,) if name in refused else ()
 
-    monkeypatch.setattr(judge, "judge_set", judge_set)
+    monkeypatch.setattr(Judge, "judge_set", judge_set)
     return seen
 
 
@@ -131,10 +132,7 @@ def test_what_was_refused_is_no_rival_of_the_next_candidate(monkeypatch: pytest.
     """A friction was said to be tied with the saturation that had been refused, itself at 0 %."""
     first, second = fit("torque_saturation@joint:x", 2371.0), fit("viscous_friction@joint:x", 2000.0)
     seen = judged_by(monkeypatch, {first.hypotheses[0].name})
-    empty = cast("Likelihood", None)
-    found = judge_sets(
-        empty, empty, a_selection(first, (second,)), VerdictSettings(), False, 0, lambda _: None
-    )
+    found = judge_without_recordings().judge_first(a_selection(first, (second,)))
     assert found.outcome.verdict == "effect" and found.named[0].name == "viscous_friction@joint:x"
     assert [s.denied for s in seen] == [frozenset(), {"torque_saturation@joint:x"}]
 
@@ -160,11 +158,8 @@ def test_without_simulation_held_out_torque_says_who_comes_as_close(monkeypatch:
     judged_by(monkeypatch, {"a@joint:x"})
     one = a_selection(first, (second,))
     worse = replace(one, again=lambda other: replace(a_selection(other, ()), held_out_remaining=10.0))
-    empty = cast("Likelihood", None)
     for made, name in ((one, "b@joint:x"), (worse, "a@joint:x")):
-        assert (
-            judge_sets(empty, empty, made, VerdictSettings(), False, 0, lambda _: None).named[0].name == name
-        )
+        assert judge_without_recordings().judge_first(made).named[0].name == name
 
 
 def test_a_cause_that_wider_tolerances_swallow_gives_way(monkeypatch: pytest.MonkeyPatch) -> None:

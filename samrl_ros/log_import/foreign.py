@@ -47,19 +47,6 @@ def runs_in(path: Path) -> list[Path]:
     return [path / file.replace("{name}", recording["name"]) for recording in draft.recordings]
 
 
-def read_foreign(
-    path: Path,
-    urdf: str | None,
-    tolerances: Tolerances | None,
-    effort: Effort,
-    options: str = "",
-    given: Sequence[Path] = (),
-) -> tuple[ArmRecording, tuple[str, ...]]:
-    """The first recording of `read_runs`, with notes."""
-    recordings, notes = read_runs(path, urdf, tolerances, effort, options, given)
-    return recordings[0], notes
-
-
 def read_runs(
     path: Path,
     urdf: str | None,

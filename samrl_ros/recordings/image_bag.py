@@ -14,8 +14,7 @@ from samrl_core.cell.robots.robot import ROLES
 from samrl_core.cell.types.image_recording import ImageRecording, ImageTolerances
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.kinds.images.images import split_images
-from samrl_ros.bags.decode import Decoder, decode
-from samrl_ros.bags.reader import Bag, RawMessage, open_bag
+from samrl_ros.bags.reader import Bag, BagDecoder, RawMessage, open_bag
 from samrl_ros.bags.recorder import header_stamp_ns
 from samrl_ros.conversions import from_message
 from samrl_ros.recordings.arrays_by_role import read_stated
@@ -48,13 +47,13 @@ def read_image_bag(path: Path, task: str, cell: str = DEFAULT_CELL) -> ImageReco
     joints: dict[str, dict[int, np.ndarray]] = {role: {} for role in ROLES}
     lens, poses = None, None
     roles = {name: role for role, name in STATES.items()}
-    decoders = {name: bag.decoder(name) for name in WANTED}
+    decode = BagDecoder(bag)
     seen: dict[str, list[tuple[int, int]]] = {name: [] for name in IMAGES}  # stamp, log time [ns]
     for raw in bag.messages(WANTED):
         if raw.topic in seen:
             seen[raw.topic].append((_stamp_of(bag, raw), raw.log_time_ns))
             continue
-        message = decode(decoders[raw.topic], raw.topic, raw.log_time_ns, raw.data)
+        message = decode(raw)
         if raw.topic in roles:
             role = roles[raw.topic]
             reading = from_message.arm_reading(message, spec.arm(role).joint_names)
@@ -64,7 +63,7 @@ def read_image_bag(path: Path, task: str, cell: str = DEFAULT_CELL) -> ImageReco
         else:
             poses = from_message.calibration(message.data)
     stamps = _kept_stamps(bag, seen)
-    images = _read_images(bag, stamps, seen, decoders)
+    images = _read_images(bag, stamps, seen, decode)
     assert lens is not None and poses is not None
     expected = (lens.height, lens.width)
     for topic, found in images.items():
@@ -134,7 +133,7 @@ def _read_images(
     bag: Bag,
     stamps: Sequence[int],
     seen: Mapping[str, Sequence[tuple[int, int]]],
-    decoders: Mapping[str, Decoder],
+    decode: BagDecoder,
 ) -> dict[str, dict[int, np.ndarray]]:
     """Images (H, W, ...) by topic and stamp [ns]; parts of the bag that hold none of them stay unread."""
     images: dict[str, dict[int, np.ndarray]] = {name: {} for name in IMAGES}
@@ -145,7 +144,7 @@ def _read_images(
             stamp = header_stamp_ns(raw.type, raw.data)
             if stamp not in kept or (near is None and stamp in images[raw.topic]):
                 continue
-            message = decode(decoders[raw.topic], raw.topic, raw.log_time_ns, raw.data)
+            message = decode(raw)
             image = from_message.image(message)
             size += image.nbytes
             if size > _MOST_BYTES:

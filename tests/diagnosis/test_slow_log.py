@@ -14,7 +14,7 @@ from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
 from samrl_core.diagnosis.kinds.arms import Arms
 from samrl_core.diagnosis.residuals.signal_noise import follows
 from samrl_ros.log_import.draft.guess import Effort
-from samrl_ros.log_import.foreign import read_foreign
+from samrl_ros.log_import.foreign import read_runs
 
 MASS, LENGTH, G, RATE_HZ = 2.0, 0.6, 9.81, 10.0
 INERTIA = MASS * LENGTH**2 / 3
@@ -49,7 +49,7 @@ def swing(path: Path, coulomb: float, seed: int, pace: float = 1.0) -> ArmRecord
     rows = np.column_stack([time, q, v, sent])
     rows[:, 1:] += rng.standard_normal((len(time), 3)) * [2e-5, 1e-3, 0.05]
     np.savetxt(path, rows, delimiter=",", header="time,q1_rad,dq1_rad_s,tau1_Nm", comments="", fmt="%.7f")
-    return read_foreign(path, URDF, None, Effort.drive)[0]
+    return read_runs(path, URDF, None, Effort.drive)[0][0]
 
 
 @pytest.mark.parametrize("coulomb", [0.0, pytest.param(1.2, marks=pytest.mark.thorough)])

@@ -15,7 +15,7 @@ from samrl_core.diagnosis.effects.form import Place
 from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 from samrl_ros.log_import.draft.guess import Effort
-from samrl_ros.log_import.foreign import read_foreign
+from samrl_ros.log_import.foreign import read_runs
 
 MASS, LENGTH, G = 0.5, 0.6, 9.81
 ABOUT_CENTER = MASS * LENGTH**2 / 12
@@ -47,7 +47,7 @@ def swing(path: Path, start: float, viscous: float, seed: int) -> ArmRecording:
     angle += 0.05 * np.random.default_rng(seed).standard_normal(len(time))
     rows = np.column_stack([time, angle])
     np.savetxt(path, rows, delimiter=",", header="time,angle_deg", comments="", fmt="%.4f")
-    return read_foreign(path, URDF, None, Effort.passive)[0]
+    return read_runs(path, URDF, None, Effort.passive)[0][0]
 
 
 @pytest.mark.thorough
@@ -70,7 +70,7 @@ def swinging(folder: Path, urdf: str, joints: int) -> Trial:
     angles = [0.5 * np.cos((2.0 + i) * time) for i in range(joints)]
     header = ",".join(["time", *["pivot_rad", "elbow_rad"][:joints]])
     np.savetxt(folder / "a.csv", np.column_stack([time, *angles]), delimiter=",", header=header, comments="")
-    recording = read_foreign(folder / "a.csv", urdf, None, Effort.passive)[0]
+    recording = read_runs(folder / "a.csv", urdf, None, Effort.passive)[0][0]
     return Trial(recording, RigidArm(recording.arm))
 
 

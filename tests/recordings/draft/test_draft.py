@@ -12,7 +12,7 @@ from samrl_core.common.errors import InputError
 from samrl_ros.log_import.draft.guess import Draft, Effort
 from samrl_ros.log_import.draft.joints.joint_draft import draft_mapping
 from samrl_ros.log_import.draft.writing import as_yaml
-from samrl_ros.log_import.foreign import is_foreign, read_foreign
+from samrl_ros.log_import.foreign import is_foreign, read_runs
 from samrl_ros.log_import.importer import import_recording
 from samrl_ros.log_import.mapping import parse_mapping, read_mapping
 from samrl_ros.log_import.specs import CsvOptions
@@ -158,7 +158,7 @@ def test_files_with_the_same_columns_are_recordings_of_one_machine(tmp_path: Pat
     positions = [import_recording(r, mapping, folder).recording.states.position for r in mapping.recordings]
     assert [np.ptp(p) for p in positions] == pytest.approx([0.2] * 3, rel=0.01)
     with pytest.raises(InputError, match=r"several recordings \(slow, swift, work\)"):
-        read_foreign(folder, None, None, Effort.none)
+        read_runs(folder, None, None, Effort.none)
 
 
 def test_efforts_that_are_stated_leave_nothing_to_ask(tmp_path: Path) -> None:
@@ -173,7 +173,7 @@ def test_efforts_that_are_stated_leave_nothing_to_ask(tmp_path: Path) -> None:
 def test_a_foreign_bag_is_read_without_a_mapping(tmp_path: Path) -> None:
     path = ros2_bag(tmp_path)
     assert is_foreign(path)
-    recording, notes = read_foreign(path, None, None, Effort.link)
+    (recording,), notes = read_runs(path, None, None, Effort.link)
     assert recording.arm.joints == JOINTS
     assert recording.command is not None
     np.testing.assert_allclose(recording.states.position, MOTION.position)
@@ -181,7 +181,7 @@ def test_a_foreign_bag_is_read_without_a_mapping(tmp_path: Path) -> None:
     np.testing.assert_allclose(recording.command.position, MOTION.target)
     assert any("channels.states.effort: /joint_states" in note for note in notes)
     with pytest.raises(InputError, match=r"not all of it is sure:\n  channels.commanded_effort"):
-        read_foreign(path, None, None, Effort.ask)
+        read_runs(path, None, None, Effort.ask)
 
 
 def test_numbered_columns_stand_beside_named_ones(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from scipy import interpolate, signal
 
 from samrl_core.diagnosis.residuals.sample_times import SampleTimes, between, regular
 from samrl_core.diagnosis.residuals.signal_noise import highest_sure_frequency
+from samrl_core.diagnosis.residuals.zero_phase import ZeroPhaseFilter
 
 SMOOTH_HZ = 80.0  # for quantities that enter a nonlinear formula before the band is applied
 EDGE_PERIODS = 2.5  # of the band: so long after the start, and before the end, a filter bends signals
@@ -31,8 +32,11 @@ class SignalBand:
         self.rate, self.band = rate, band
         self.dynamic = dynamic
         self.step = max(1, round(rate / (4.0 * band))) if self.dynamic else 1
-        self._band_filter = signal.butter(3, band, fs=rate, output="sos") if self.dynamic else None
-        self._smooth_filter = signal.butter(3, min(SMOOTH_HZ, rate / 3.0), fs=rate, output="sos")
+        self._band_sections = signal.butter(3, band, fs=rate, output="sos") if self.dynamic else None
+        self._keep_band = None if self._band_sections is None else ZeroPhaseFilter(self._band_sections)
+        self._keep_smooth = ZeroPhaseFilter(
+            signal.butter(3, min(SMOOTH_HZ, rate / 3.0), fs=rate, output="sos")
+        )
         self.edge = 1  # samples lost to the filter at either end
         if self.dynamic:
             # To the filter a recording goes on as its mirror image. A machine that begins in mid-motion does
@@ -47,7 +51,7 @@ class SignalBand:
 
     def smooth(self, x: np.ndarray) -> np.ndarray:
         """Full-rate signal without the noise above the smoothing band; (F, ...) to (F, ...)."""
-        return np.asarray(signal.sosfiltfilt(self._smooth_filter, x, axis=0)) if self.dynamic else x
+        return self._keep_smooth(x) if self.dynamic else x
 
     def reduce(self, x: np.ndarray) -> np.ndarray:
         """Band-limit and decimate a full-rate signal, (F, ...) to (N, ...)."""
@@ -60,12 +64,12 @@ class SignalBand:
         independent. So each reading's errors pass the filter together, and their squares add up: a single one
         rings in the samples around it, too, and a slow axis keeps one error for longer than the filter.
         """
-        if self._band_filter is None:
+        if self._band_sections is None:
             return self._pick(variance)
         reach = max(1, min(round(EDGE_PERIODS / self.band * self.rate), (len(variance) - 1) // 2))
         impulse = np.zeros(2 * reach + 1)
         impulse[reach] = 1.0
-        response = signal.sosfiltfilt(self._band_filter, impulse, padtype=None)
+        response = signal.sosfiltfilt(self._band_sections, impulse, padtype=None)
         found = np.zeros((len(variance) + 2 * reach, variance.shape[1]))
         for j, column in enumerate(variance.T):
             (at,) = np.nonzero(column > 0)
@@ -94,9 +98,7 @@ class SignalBand:
         return out
 
     def _filtered(self, x: np.ndarray) -> np.ndarray:
-        if self._band_filter is None:
-            return np.asarray(x, dtype=float)
-        return np.asarray(signal.sosfiltfilt(self._band_filter, x, axis=0))
+        return np.asarray(x, dtype=float) if self._keep_band is None else self._keep_band(x)
 
     def _derivative(self, x: np.ndarray, order: int) -> np.ndarray:
         """Time derivative (F, J) of a band-limited full-rate signal.

@@ -157,7 +157,7 @@ def test_an_episode_of_the_whole_agent(cell: CellSpec, tmp_path: Path) -> None:
     assert np.linalg.norm(np.subtract(end, start)) > 0.005
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.ros
 def test_recordings_of_the_arm_are_diagnosed(cell: CellSpec, tmp_path: Path) -> None:
     from samrl_ros.cli.main import run

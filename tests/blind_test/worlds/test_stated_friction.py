@@ -37,8 +37,13 @@ def test_an_encoder_counts_and_its_speed_is_late():
     assert speeds[200:].mean(axis=0) == pytest.approx([0.3, -0.7], rel=1e-2)
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("engine", [{"mujoco": 1, "pinocchio": 0}, {"mujoco": 0, "pinocchio": 1}])
+@pytest.mark.parametrize(
+    "engine",
+    [
+        pytest.param({"mujoco": 1, "pinocchio": 0}, marks=pytest.mark.slow),
+        pytest.param({"mujoco": 0, "pinocchio": 1}, marks=pytest.mark.thorough),
+    ],
+)
 def test_a_world_states_what_its_arm_sticks_by(engine):
     """Between moves an encoder keeps its count; held-out C of the oracle sticks as the model says."""
     settings = ForgeSettings(

@@ -73,8 +73,14 @@ def diagnosed(goal_hz: float, log_hz: float, held: bool, late_s: float = 0.0) ->
     return diagnose(runs[:2], runs[2:])[0]
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize(("goal_hz", "log_hz"), [(100.0, 100.0), (50.0, 200.0), (30.0, 100.0)])
+@pytest.mark.parametrize(
+    ("goal_hz", "log_hz"),
+    [
+        pytest.param(100.0, 100.0, marks=pytest.mark.slow),
+        pytest.param(50.0, 200.0, marks=pytest.mark.slow),
+        pytest.param(30.0, 100.0, marks=pytest.mark.thorough),
+    ],
+)
 @pytest.mark.parametrize("held", [True, False])
 def test_nothing_is_wrong_with_a_servo_as_described(goal_hz: float, log_hz: float, held: bool) -> None:
     found = diagnosed(goal_hz, log_hz, held)

@@ -50,9 +50,7 @@ def without_law(made: list[ArmRecording]) -> list[ArmRecording]:
     return [replace(r, arm=replace(r.arm, controller=None, urdf=urdf), command=None) for r in made]
 
 
-@pytest.mark.parametrize(
-    "law", [pytest.param(True, marks=pytest.mark.thorough), False], ids=["law", "no law"]
-)
+@pytest.mark.parametrize("law", [pytest.param(True, marks=pytest.mark.slow), False], ids=["law", "no law"])
 def test_the_dominant_effect_is_named(law: bool) -> None:
     made = machine(coulomb={LIFT: 4.0})
     made = made if law else without_law(made)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +18,7 @@ from samrl_core.diagnosis.kinds.images.images import split_images
 from samrl_ros.bags.reader import Bag, BagDecoder, RawMessage, open_bag
 from samrl_ros.bags.recorder import header_stamp_ns
 from samrl_ros.conversions import from_message
-from samrl_ros.recordings.arrays_by_role import read_stated
+from samrl_ros.recordings.arrays_by_role import check_unseen, read_stated
 
 COLOR, DEPTH = "/cell/camera/color/image_raw", "/cell/camera/depth/image_rect_raw"
 INFO, MASK = "/cell/camera/color/camera_info", "/cell/camera/mask/image_raw"
@@ -26,6 +27,8 @@ STATES = {role: f"/cell/{role}/joint_states" for role in ROLES}
 IMAGES = (COLOR, DEPTH, MASK)
 WANTED = (*IMAGES, INFO, CALIBRATION, *STATES.values())
 MOST_FRAMES = 300  # that are held of a recording, evenly over it: a minute at 30 Hz of 640x480 has 4.4 GB
+_SAME = 0.05  # share of held-out images found in the fitted ones from which on they count as the same
+_STAMP_DIGITS = 6  # of s
 _MOST_BYTES = 3_000_000_000  # of images that are held at once
 
 
@@ -93,7 +96,7 @@ def load_image_bags(
     """Recordings by role, with notes; tolerances of a YAML file replace the defaults.
 
     Raises:
-        InputError: as `read_image_bag`; too few images to hold any out.
+        InputError: as `read_image_bag`; too few images to hold any out, or held-out ones that are fitted too.
     """
     groups = [[read_image_bag(path, task) for path in paths] for paths in (fit, held_out)]
     if tolerances is not None:
@@ -101,9 +104,27 @@ def load_image_bags(
         groups = [[replace(r, tolerances=stated) for r in group] for group in groups]
     fitted, held = groups
     if held:
+        for unseen in held:
+            for known in fitted:
+                check_unseen(_shared(known, unseen), _SAME, unseen.name, f"the fitted {known.name}", "images")
         return fitted, held, []
     first, last = split_images(fitted[0])
     return [first], [last], [f"{fitted[0].name} is alone: its last part is held out"]
+
+
+def _shared(known: ImageRecording, unseen: ImageRecording) -> float:
+    """Share of the images of `unseen` that are, at the same moment and bit for bit, in `known`."""
+
+    def frames(recording: ImageRecording) -> list[bytes]:
+        pixels = (recording.color, recording.depth, recording.mask)
+        stamps = np.round(recording.time, _STAMP_DIGITS)
+        return [
+            hashlib.sha256(b"".join((stamp.tobytes(), *(p[k].tobytes() for p in pixels)))).digest()
+            for k, stamp in enumerate(stamps)
+        ]
+
+    there = set(frames(known))
+    return sum(frame in there for frame in frames(unseen)) / len(unseen.time)
 
 
 def _stamp_of(bag: Bag, raw: RawMessage) -> int:

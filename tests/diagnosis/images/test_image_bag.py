@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,8 @@ def test_a_bag_holds_what_was_recorded(recordings: list[ImageRecording], tmp_pat
     assert read.camera_in_flange.angle_to(recorded.camera_in_flange) < 1e-9
     fitted, held, notes = load_image_bags([bag], [], recorded.task, None)
     assert len(fitted[0].time) > len(held[0].time) >= 6 and "held out" in notes[0]
+    with pytest.raises(InputError, match="100 % of the held-out images of copy are also in the fitted A"):
+        load_image_bags([bag], [shutil.copy(bag, tmp_path / "copy.mcap")], recorded.task, None)
     messages = [m for m in image_messages(recorded) if m[1] != DEPTH]
     with pytest.raises(InputError, match=f"lacks {DEPTH}"):
         read_image_bag(record(tmp_path / "B", messages), recorded.task)

@@ -82,7 +82,7 @@ class ImageOptions(Checked):
     fy: Positive
     cx: float
     cy: float
-    list: str | None = None  # a text table in the folder of the images
+    list: str | None = None  # a text table in the folder of the images; ".": arrays of the stack's own file
     name: str = ""  # its column that names the image; else its rows are in the images' order
     csv: CsvOptions = CsvOptions()  # how it is written
 

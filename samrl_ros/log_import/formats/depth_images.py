@@ -26,6 +26,7 @@ from samrl_ros.log_import.table import Table
 
 SUFFIXES = (".png", ".tif", ".tiff", ".pgm", ".npy")
 STACKS = (".npy", ".npz")
+OWN = "."  # `images.list` of a stack whose own file lists a number for each image
 OTHERS = frozenset("rgb color colour gray grey ir infra infrared left right mask seg image images".split())
 GRID = (4, 5)  # parts of an image that read, down and across
 MARGIN = 0.1  # of the image on each side, where lenses and stereo are at their worst
@@ -157,6 +158,8 @@ def _image(file: Path, where: str) -> np.ndarray:
 
 
 def _stack(path: Path, where: str) -> Iterator[tuple[str, np.ndarray]]:
+    if not is_file(path):
+        raise InputError(f"{where}: no file or folder {path}; paths count from `--data`, or from the mapping")
     images = stack_of(path, where)
     if images is None:
         raise InputError(
@@ -192,6 +195,21 @@ def arrays_in(path: Path, where: str) -> dict[str, np.ndarray]:
             return {name: loaded[name] for name in loaded.files}
     except UNREADABLE as error:
         raise InputError(f"{where}: {path} cannot be read: {error}") from error
+
+
+def stacks_in(folder: Path) -> list[Path]:
+    """Stacks of depth images that lie in a folder, by name."""
+    files = sorted(f for f in folder.iterdir() if f.suffix.lower() in STACKS and is_file(f))
+    return [file for file in files if stack_of(file, "the log") is not None]
+
+
+def beside_stack(path: Path, count: int, where: str) -> Table:
+    """What a .npz holds beside its stack: a number for each of `count` images, by the array's name."""
+    table = Table(path)
+    for name, values in arrays_in(path, where).items():
+        if name and values.size == count and values.ndim <= 2 and values.dtype.kind in "uif":
+            table.columns[name] = values.reshape(-1).astype(float)
+    return table
 
 
 def _readings(z: np.ndarray, options: ImageOptions) -> np.ndarray | None:
@@ -247,11 +265,14 @@ def _add_list(
     table: Table, path: Path, names: list[str], at: np.ndarray, options: ImageOptions, where: str
 ) -> None:
     """Columns of the list of images, each row's for every reading of its image."""
-    file = (path if is_folder(path) else path.parent) / str(options.list)
+    stacked = options.list == OWN
+    file = path if stacked else (path if is_folder(path) else path.parent) / str(options.list)
     if not is_file(file):
         raise InputError(f"{where}: no file {file}; `images.list` counts from the folder of the images")
-    listed = read_text_table(file, "", options.csv, where)
-    count = len(next(iter(listed.columns.values())))
+    listed = (
+        beside_stack(file, len(names), where) if stacked else read_text_table(file, "", options.csv, where)
+    )
+    count = len(next(iter(listed.columns.values()), ()))
     rows = match_rows(listed, names, options.name)
     if rows is None:
         raise InputError(

@@ -336,6 +336,20 @@ def test_a_body_that_is_pushed_is_read_and_asked_when_it_is_free(suffix: str, tm
     np.testing.assert_allclose(got.track.time, s, atol=1e-6)
 
 
+def test_a_push_is_no_fall(tmp_path: Path) -> None:
+    """A tip hits a block that slides on, now this way, now that: one of them speeds up as what falls does."""
+    time = np.arange(200) / 250.0
+    for number, (angle, pull) in enumerate(((0.3, 6.0), (2.0, 3.0), (4.0, 4.0), (5.5, 3.5))):
+        way = np.where(time < 0.3, 0.0, 0.5 * pull * np.clip(time - 0.3, 0, 0.3) ** 2)
+        way += np.where(time > 0.6, pull * 0.3 * np.minimum(time - 0.6, 0.15), 0.0)
+        body = np.stack([time, way * np.cos(angle), way * np.sin(angle), 0.1 * time], axis=1)
+        with h5py.File(tmp_path / f"hit_{number}.h5", "w") as file:
+            file["object_pose"], file["tip_pose"] = body, body - [0, 0.05, 0, 0]
+    draft = drafted(tmp_path)
+    assert "gravity" not in draft.bodies and not draft.falls
+    assert any("level plane seen from above" in q for q in draft.questions)
+
+
 def test_a_round_body_is_asked_whether_it_rolls(tmp_path: Path) -> None:
     for made in several(slide, World(friction=0.3), 3, 1):
         x, y = made.track.position[:, 0], made.track.position[:, 1]

@@ -13,7 +13,7 @@ from samrl_core.common.errors import InputError
 from samrl_ros.cli.main import run
 from samrl_ros.log_import.devices import read_devices
 from samrl_ros.log_import.draft.any_draft import draft_any
-from samrl_ros.log_import.formats.depth_images import distance_in, is_depth_file
+from samrl_ros.log_import.formats.depth_images import distance_in, images_in, is_depth_file
 from samrl_ros.log_import.formats.intrinsics import Intrinsics, read_cameras
 from tests.recordings.logs.depth_cameras import (
     CX,
@@ -55,6 +55,26 @@ def test_a_camera_that_is_right_has_no_gap(tmp_path: Path) -> None:
 
 def test_a_stack_of_arrays_shows_a_factor(tmp_path: Path) -> None:
     check(report(make_stack(tmp_path / "stack", -0.02), tmp_path / "report"), "a", -0.02)
+
+
+def test_a_folder_of_stacks_that_hold_their_distances(tmp_path: Path) -> None:
+    """Each its own: one list for all would be another's."""
+    folder, rng = tmp_path / "rail", np.random.default_rng(3)
+    folder.mkdir()
+    for name, at in (("down", [0.9, 0.8, 0.7]), ("up", [0.7, 0.8, 0.9])):
+        raw = np.stack([np.round(1000 * wall(rng, d)).astype(np.uint16) for d in at])
+        np.savez(folder / f"{name}.npz", depth=raw, distance_mm=1e3 * np.array(at), K=np.array(MATRIX))
+    draft = draft_any([folder], None, None)
+    assert not draft.questions
+    found = read_devices([folder], [])
+    assert found is not None and found.kind == "readings"
+    for each in (*found.fit, *found.held_out):
+        np.testing.assert_allclose(each.reading, each.reference, atol=0.01)
+
+
+def test_a_path_that_is_not_there_is_said(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no file or folder .*wall"):
+        list(images_in(tmp_path / "wall", "here"))
 
 
 def test_an_offset_may_be_where_the_camera_sits(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -122,10 +123,25 @@ def ros2_bag(folder: Path) -> list[Path]:
     return [folder / "bag"]
 
 
+def opencv_lists(folder: Path) -> list[Path]:
+    """What `calibrateCamera` gives, in mm, beside matrices of the robot."""
+    seen, flange = made(at_rest=True)
+    lists = {
+        "R_gripper2base": Rotation.from_quat(flange.quat_xyzw).as_matrix(),
+        "t_gripper2base": 1e3 * flange.position,
+        "rvecs_target2cam": Rotation.from_quat(seen.quat_xyzw).as_rotvec(),
+        "tvecs_target2cam": 1e3 * seen.position,
+    }
+    path = folder / "calib.json"
+    path.write_text(json.dumps({name: values.tolist() for name, values in lists.items()}))
+    return [path]
+
+
 LOGS: dict[str, tuple[Callable[[Path], list[Path]], Callable[[], tuple[PoseTrack, PoseTrack]], str, int]] = {
     "one CSV": (one_csv, made, "camera_arm", 1),
     "two files": (two_files, made, "camera_arm", 1),
     "OpenCV": (opencv, lambda: made(at_rest=True), "camera_arm", 0),
+    "OpenCV's lists": (opencv_lists, lambda: made(at_rest=True), "camera_arm", 0),
     "arrays": (arrays_to_hand, still_camera, "tool_arm", 1),
     "ROS 2 bag": (ros2_bag, made, "camera_arm", 0),
     "vectors": (vectors, made, "camera_arm", 1),

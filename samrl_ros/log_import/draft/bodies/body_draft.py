@@ -8,6 +8,7 @@ restitution that nobody states are solved for, and a note says so.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -72,13 +73,17 @@ def draft_bodies(tracks: Sequence[LoggedTrack]) -> Draft | None:
     of_it = (chosen.each.part, chosen.each.track.used, chosen.each.track.stem)
     same = [c for c in candidates if (c.part, c.track.used, c.track.stem) == of_it]
     runs = [chosen, *(look_at(each) for each in same if each.path != files[0])]
+    pushing = sorted(name for name in chosen.each.table.columns if set(words_in(name)) & PUSHES)
+    if pushing and not _most_fall_alike(runs):  # what is pushed speeds up as well
+        runs = [replace(run, fall=None, curve=None) for run in runs]
+        chosen = runs[0]
     fall = next((run.fall for run in runs if run.fall is not None), None)
     if fall is None and not is_named_body(chosen.each) and len(chosen.each.track.axes) < 2:
         return None
     draft = Draft(about="Drafted by samrl bag draft. Every entry has its reason beside it; check them.")
     reason = "the only track" if len(first) == 1 else "the track that moves"
     draft.note("bodies.track", f"{chosen.each.name}: {reason}", question)
-    if pushing := sorted(name for name in chosen.each.table.columns if set(words_in(name)) & PUSHES):
+    if pushing:
         draft.note(
             "recordings", f"{', '.join(pushing)} stand beside it: something pushes the body",
             "when is it free? Give each recording the `time_range` in which it touches the support alone:"
@@ -93,6 +98,12 @@ def draft_bodies(tracks: Sequence[LoggedTrack]) -> Draft | None:
     _describe_contact(runs, fall, draft)
     _add_recordings(runs, draft)
     return draft
+
+
+def _most_fall_alike(runs: Sequence[SeenTrack]) -> bool:
+    """Whether gravity is what most runs show: it pulls every one of them the same way."""
+    falls = [(run.fall.axis, run.fall.up) for run in runs if run.fall is not None]
+    return any(falls.count(way) > 0.5 * len(runs) for way in set(falls))
 
 
 def _describe_track(

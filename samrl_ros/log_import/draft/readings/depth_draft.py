@@ -23,14 +23,17 @@ from samrl_ros.log_import.draft.readings.reading_draft import says_truth
 from samrl_ros.log_import.draft.text_layout import stated_options, text_options
 from samrl_ros.log_import.draft.tracks.pose_tracks import find_tracks
 from samrl_ros.log_import.formats.depth_images import (
+    OWN,
     STACKS,
     arrays_in,
+    beside_stack,
     distance_in,
     image_files,
     images_in,
     is_depth_file,
     match_rows,
     stack_of,
+    stacks_in,
 )
 from samrl_ros.log_import.formats.intrinsics import Intrinsics, of_matrix, read_cameras
 from samrl_ros.log_import.formats.parquet import is_lerobot
@@ -52,6 +55,8 @@ def draft_depth_images(paths: Sequence[Path]) -> Draft | None:
     Raises:
         InputError: images that are no depth, or cannot be read.
     """
+    if len(paths) == 1 and is_folder(paths[0]) and not _holds_images(paths[0]):
+        paths = _stacks_of(paths[0])
     if not paths or not all(_holds_images(path) for path in paths):
         return None
     path, draft = (
@@ -95,6 +100,11 @@ def _holds_images(path: Path) -> bool:
     return path.suffix.lower() in STACKS and is_file(path) and stack_of(path, "the log") is not None
 
 
+def _stacks_of(folder: Path) -> list[Path]:
+    """Stacks of images in a folder of nothing else but tables and texts."""
+    return [] if is_bag(folder) or is_lerobot(folder) or image_files(folder) else stacks_in(folder)
+
+
 def _look(path: Path) -> tuple[list[str], np.ndarray, int, int]:
     """Names, median raw depth in the middle (N,), NaN where there is none, width and height of the images."""
     names, middle, shape = [], [], (0, 0)
@@ -113,6 +123,11 @@ def _reference(
     path: Path, folder: Path, names: list[str], images: dict[str, Any], source: dict[str, Any], draft: Draft
 ) -> tuple[str, np.ndarray | None]:
     """Formula of the plane's distance [m] and its values (N,) by image, where something says them."""
+    if path.suffix.lower() == ".npz":
+        listed = beside_stack(path, len(names), "the log")
+        if found := _listed_distance(listed, list(range(len(names))), source, draft):
+            images["list"] = OWN
+            return found
     for file in sorted(f for f in folder.iterdir() if f.suffix.lower() in TEXT_SUFFIXES and is_file(f)):
         try:
             options = text_options(file)

@@ -28,6 +28,7 @@ RATES = frozenset(
     "v vel velocity velocities speed linear angular twist acc accel a acceleration gyro omega force forces"
     " torque torques wrench tau mag field b bias std cov covariance err error euler size scale".split()
 )
+_PLURALS = {"rvecs": "rvec", "tvecs": "tvec", "rmats": "rmat"}  # OpenCV's calibrateCamera gives lists of them
 _LETTERS = ("x", "y", "z", "w")
 _FULL = {"position": 3, "quaternion": 4, "rotation_vector": 3, "rpy": 3}
 JUMP = 5.0  # typical steps to the origin, from which on a zero is no place
@@ -231,7 +232,8 @@ def _add_parts(
 
 
 def _words_of(name: str) -> list[str]:
-    return [w.lower() for w in _WORD.findall(name)]
+    words = [w.lower() for w in _WORD.findall(name)]
+    return [_PLURALS.get(w, w) for w in words]
 
 
 def numbers_of_parts(table: Table, parts: list[Component]) -> np.ndarray:

@@ -13,7 +13,7 @@ from samrl_core.diagnosis.result import Diagnosis, HeldOutGap
 LINES = 10
 WIDTH = 110
 INDENT = 15
-OF_DOUBT = ("turn otherwise", "stand apart")  # notes of poses that no verdict counts
+OF_DOUBT = ("turn otherwise", "stand apart", "stand elsewhere")  # notes of poses that no verdict counts
 
 
 def summary(diagnosis: Diagnosis, files: Sequence[str] = ()) -> list[str]:

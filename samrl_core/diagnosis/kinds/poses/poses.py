@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 from typing import ClassVar
 
 import numpy as np
@@ -18,12 +19,15 @@ from samrl_core.diagnosis.kinds.poses.pose_corrections import recalibration
 from samrl_core.diagnosis.recordings.held_out import GAP_S, SHARE
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
+from samrl_core.diagnosis.residuals.poses.image_pattern import find_image_pattern
 from samrl_core.diagnosis.residuals.poses.pose_trial import PoseTrial
 from samrl_core.diagnosis.residuals.poses.seen_size import find_opening
+from samrl_core.diagnosis.residuals.poses.slip import find_slip
 from samrl_core.diagnosis.residuals.poses.solve import agreeing_views, check_stated, solved
 from samrl_core.diagnosis.result import NextExperiment
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
 from samrl_core.diagnosis.verdict.how_far import HowFar
+from samrl_core.diagnosis.verdict.judge import Doubts
 
 LEAST_TO_SPLIT = 16  # poses of which some are held out
 MOST_NAMED = 12  # moments that a note lists
@@ -108,6 +112,20 @@ class Poses(Kind[PoseRecording]):
         made = [t for t in evidence.likelihood.trials if isinstance(t, PoseTrial)]
         return [opening for trial in made if (opening := find_opening(trial.recording))]
 
+    def doubts_of(self, fitted: Likelihood, held_out: Likelihood) -> Doubts:
+        """Those of the fitted recordings, and what lasts in all: a slip where they were cut is in no part."""
+        made = [t for t in (*fitted.trials, *held_out.trials) if isinstance(t, PoseTrial)]
+        whole = cache(lambda: _uncut(made))
+        slips = cache(lambda: [slip for trial in whole() if (slip := find_slip(trial))])
+        bent = cache(lambda: [bend for trial in whole() if (bend := find_image_pattern(trial))])
+
+        def doubts(evidence: Evidence, chosen: Fit | None, least: float) -> list[str]:
+            # Another transform from one view on leaves no effect's size what it is; a place in the image
+            # follows from many a motion, so that what an effect explains is not asked for it.
+            return self.doubts(evidence, chosen, least) or slips() or ([] if chosen is not None else bent())
+
+        return doubts
+
     def next_experiment(
         self, likelihood: Likelihood, fits: Sequence[Fit], names: Sequence[str], seed: int
     ) -> tuple[NextExperiment | None, str]:
@@ -119,6 +137,26 @@ class Poses(Kind[PoseRecording]):
         if not sure:
             return None
         return recalibration(chosen, [t for t in evidence.likelihood.trials if isinstance(t, PoseTrial)])
+
+
+def _uncut(trials: Sequence[PoseTrial]) -> list[PoseTrial]:
+    """Trials of whole recordings, of which the given ones are parts."""
+    files: dict[tuple[str, str], list[PoseTrial]] = {}
+    for trial in trials:
+        files.setdefault((trial.recording.source, trial.recording.sha256), []).append(trial)
+    return [trial for parts in files.values() for trial in _joined(parts)]
+
+
+def _joined(parts: Sequence[PoseTrial]) -> Sequence[PoseTrial]:
+    """The parts of one recording as one, at the constants of the first; as they are where moments repeat."""
+    tracks = [trial.recording.seen for trial in parts]
+    time = np.concatenate([t.time for t in tracks])
+    order = np.argsort(time)
+    if len(parts) == 1 or np.any(np.diff(time[order]) <= 0):
+        return parts
+    rows = (np.concatenate([getattr(t, n) for t in tracks])[order] for n in ("position", "quat_xyzw"))
+    seen = type(tracks[0])(time[order], *rows)
+    return [PoseTrial(replace(parts[0].recording, seen=seen), parts[0].constants)]
 
 
 def _chain_of(recording: PoseRecording) -> tuple[object, ...]:

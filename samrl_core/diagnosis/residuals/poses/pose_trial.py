@@ -78,7 +78,7 @@ class PoseTrial(Observed):
             and track_rate(recording.seen) >= TIMING_RATE_HZ
             and all(_rate(a.stamps) >= TIMING_RATE_HZ for a in recording.arms)
         )
-        distance = np.maximum(np.linalg.norm(self.seen_position, axis=1), NEAREST_M)
+        distance = self.distance
         if noise is None:
             self.noise, self._sigma, apart = self._noise(distance, like, few)
         else:
@@ -240,16 +240,7 @@ class PoseTrial(Observed):
         self, distance: np.ndarray, like: DetectorNoise | None, few: bool
     ) -> tuple[DetectorNoise, np.ndarray, np.ndarray]:
         """The noise, its standard deviations (N, 6), and which detections (N,) stand apart."""
-        columns: list[np.ndarray] = []
-        spread: list[float] = []
-        for twists in self.links.values():
-            columns += [self.at_target(t) for t in twists]
-            spread += [TRANSLATION] * 3 + [ROTATION] * 3
-        columns.append(self.at_target(self.size_twist))
-        spread.append(SIZE)
-        for twists in self.joint_twists.values():
-            columns += [self.at_target(t) for t in twists]
-            spread += [ZERO] * len(twists)
+        columns, spread = self._what_may_be_off()
         residual = self._residual
         if self.shows_time:
             residual = self._aligned(columns, spread)
@@ -269,6 +260,37 @@ class PoseTrial(Observed):
         apart = score > 0.0
         sigma[apart] *= (score[apart] ** 2)[:, None]  # as good as left out
         return noise, sigma, apart
+
+    def _what_may_be_off(self) -> tuple[list[np.ndarray], list[float]]:
+        """Columns (N, 6) of every constant, the size and joints' zeros, and their standard deviations."""
+        columns: list[np.ndarray] = []
+        spread: list[float] = []
+        for twists in self.links.values():
+            columns += [self.at_target(t) for t in twists]
+            spread += [TRANSLATION] * 3 + [ROTATION] * 3
+        columns.append(self.at_target(self.size_twist))
+        spread.append(SIZE)
+        for twists in self.joint_twists.values():
+            columns += [self.at_target(t) for t in twists]
+            spread += [ZERO] * len(twists)
+        return columns, spread
+
+    def left_in_noise(self) -> tuple[np.ndarray, np.ndarray]:
+        """What no constant, size, zero or clock of the chain explains, (N, 6), and their columns (K, N, 6).
+
+        Both in standard deviations; detections that stand apart are in it as they are.
+        """
+        columns, spread = self._what_may_be_off()
+        if self.shows_time:
+            columns += [self.at_target(rate) for rate in self.rates.values()]
+            spread += [CLOCK] * len(self.rates)
+        noise = self.noise.at(self.distance)
+        return leftover(self._residual, columns, spread) / noise, np.array(columns) / noise
+
+    @cached_property
+    def distance(self) -> np.ndarray:
+        """Of the target, (N,) [m], no less than `NEAREST_M`."""
+        return np.maximum(np.linalg.norm(self.seen_position, axis=1), NEAREST_M)
 
     def _aligned(self, columns: list[np.ndarray], spread: list[float]) -> np.ndarray:
         """Residuals at the arms' common clock offset that leaves least: noise must not hold a delay."""

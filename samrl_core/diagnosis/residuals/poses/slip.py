@@ -1,0 +1,103 @@
+"""Whether something was moved while poses were recorded: from one view on, one transform differs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from samrl_core.diagnosis.residuals.poses.image_pattern import explained_by_chance
+from samrl_core.diagnosis.residuals.poses.pose_trial import PoseTrial
+
+LEAST_VIEWS = 6  # on either side
+GRID = 40  # moments at which a slip is looked for first
+FAR_APART = 6.0  # typical deviations that a view counts at most: a mistake is no slip
+EXPLAINED = 0.5  # of what the chain leaves, by one change of one transform
+CHANCE = 1e-6  # of it in noise
+LARGE = 3.0  # times the stated lasting errors of the detector
+ROUNDS = 4
+WHAT = {"camera": "the camera", "base": "the target or a base", "target": "the target on its flange"}
+
+
+def find_slip(trial: PoseTrial) -> str:
+    """Since when one transform of the chain differs, which, and by how much, in words; else empty.
+
+    The moment and the transform whose change explains most are looked for; constants that differ all along
+    are out of it. Mistakes of a detector have no transform in common, and explain little together.
+    """
+    count = len(trial.seen_position)
+    if count < 2 * LEAST_VIEWS:
+        return ""
+    left, columns = trial.left_in_noise()
+    typical = 1.4826 * np.median(np.abs(left), axis=0)
+    u, strength, _ = np.linalg.svd(columns.reshape(len(columns), -1).T, full_matrices=False)
+    basis = u[:, strength > 1e-9 * strength[0]]
+    values = np.clip(left, -FAR_APART * typical, FAR_APART * typical).reshape(-1)
+    values = values - basis @ (basis.T @ values)
+    noise = trial.noise.at(trial.distance)
+    links = {name: trial.at_target(twists) / noise for name, twists in trial.links.items()}
+
+    def explains(begin: int) -> tuple[float, str]:
+        return max((_explained(values, basis, _since(link, begin)), name) for name, link in links.items())
+
+    step = max(1, (count - 2 * LEAST_VIEWS) // GRID)
+    tried = {k: explains(k) for k in range(LEAST_VIEWS, count - LEAST_VIEWS + 1, step)}
+    near = max(tried, key=tried.__getitem__)
+    tried |= {
+        k: explains(k)
+        for k in range(max(near - step, LEAST_VIEWS), min(near + step, count - LEAST_VIEWS) + 1)
+        if k not in tried
+    }
+    begin = max(tried, key=tried.__getitem__)
+    share, name = tried[begin]
+    design = _since(links[name], begin)
+    change, rest = _robust_fit(design - basis @ (basis.T @ design), values, count)
+    alike = _samples_that_count_as_one(rest) if trial.recording.timed else 1.0
+    # The moment and the transform were looked for, which takes as many terms again.
+    chance = explained_by_chance(share, 12, 6 * count / alike - basis.shape[1] - 12)
+    stated = trial.recording.tolerances
+    size = np.linalg.norm(change[:3]), np.linalg.norm(change[3:])
+    small = size[0] < LARGE * stated.detection_position and size[1] < LARGE * stated.detection_rotation
+    if share < EXPLAINED or chance * len(tried) > CHANCE or small:
+        return ""
+    return (
+        f"{trial.name}: from {trial.chain.time[begin]:g} s (or row) on {WHAT[name]} sits elsewhere, by"
+        f" {1e3 * size[0]:.1f} mm and {1e3 * size[1]:.1f} mrad, than before: it slipped or was pushed;"
+        " diagnose both parts by themselves, as `rows` or `time_range` in a mapping cuts them"
+    )
+
+
+def _since(link: np.ndarray, begin: int) -> np.ndarray:
+    """Columns (6 N, 6) of a link's twists (6, N, 6) that are there from one view on."""
+    out = link.copy()
+    out[:, :begin] = 0.0
+    return out.reshape(6, -1).T
+
+
+def _explained(values: np.ndarray, basis: np.ndarray, design: np.ndarray) -> float:
+    """Share of the values (M,) that a design (M, 6) explains beside a basis (M, K)."""
+    free = design - basis @ (basis.T @ design)
+    found = np.linalg.lstsq(free, values, rcond=1e-6)[0]
+    return 1.0 - float(np.sum((values - free @ found) ** 2)) / max(float(values @ values), 1e-300)
+
+
+def _robust_fit(design: np.ndarray, values: np.ndarray, views: int) -> tuple[np.ndarray, np.ndarray]:
+    """Amplitudes (6,), and what is left (views, 6)."""
+    weight = np.ones(len(values))
+    for _ in range(ROUNDS):
+        found = np.linalg.lstsq(design * weight[:, None], values * weight, rcond=1e-6)[0]
+        left = (values - design @ found).reshape(views, -1)
+        size = np.sqrt(np.mean(left**2, axis=1))
+        level = max(float(np.median(size)), 1e-9)
+        weight = np.repeat(1.0 / np.sqrt(1.0 + (size / (2.5 * level)) ** 2), left.shape[1])
+    return found, left
+
+
+def _samples_that_count_as_one(left: np.ndarray) -> float:
+    """Integrated autocorrelation time of channels (N, C), the mean, each up to where it first is negative."""
+    out = []
+    for rest in (left - left.mean(axis=0)).T:
+        power = np.abs(np.fft.rfft(rest, 2 * len(rest))) ** 2
+        correlation = np.fft.irfft(power)[: len(rest)]
+        correlation = correlation / max(float(correlation[0]), 1e-300)
+        negative = np.flatnonzero(correlation < 0.0)
+        out.append(1.0 + 2.0 * float(np.sum(correlation[1 : negative[0] if len(negative) else len(rest)])))
+    return float(np.mean(out))

@@ -99,6 +99,7 @@ def draft_command(
 ) -> None:
     """Draft a mapping for `samrl bag import`: entries with reasons, questions where nothing proves them."""
     from samrl_core.diagnosis.nominal_model.read_model import read_model
+    from samrl_ros.log_import.devices import data_folder
     from samrl_ros.log_import.draft.any_draft import draft_any
     from samrl_ros.log_import.draft.writing import as_yaml
     from samrl_ros.recordings.described import xacro_values
@@ -118,6 +119,9 @@ def draft_command(
     typer.echo(f"{out}: {sure} entries are sure, {len(drafted.questions)} ask")
     for question in drafted.questions:
         typer.echo(f"  {question}")
+    folder = data_folder(drafted, logs[0])
+    data = "" if folder.resolve() == out.parent.resolve() else f" --data {folder}"
+    typer.echo(f"then: samrl diagnose --mapping {out}{data} --out report")
 
 
 @bag_app.command("import")

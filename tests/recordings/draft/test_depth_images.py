@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from PIL import Image
 
 from samrl_core.common.errors import InputError
@@ -70,6 +71,18 @@ def test_a_folder_of_stacks_that_hold_their_distances(tmp_path: Path) -> None:
     assert found is not None and found.kind == "readings"
     for each in (*found.fit, *found.held_out):
         np.testing.assert_allclose(each.reading, each.reference, atol=0.01)
+
+
+@pytest.mark.parametrize("make", [pytest.param(make_stack, marks=pytest.mark.thorough), make_realsense])
+def test_a_draft_says_how_to_go_on(make, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Files count from the stack's folder, and from the one above a folder of images."""
+    log, mapping = make(tmp_path / "log", 0.01), tmp_path / "elsewhere" / "mapping.yaml"
+    mapping.parent.mkdir()
+    assert run(["bag", "draft", str(log), "--out", str(mapping)]) == 0
+    words = capsys.readouterr().out.splitlines()[-1].split()
+    assert words[:3] == ["then:", "samrl", "diagnose"]
+    (source,) = yaml.safe_load(mapping.read_text())["sources"].values()
+    assert (Path(words[words.index("--data") + 1]) / source["file"]).exists()
 
 
 def test_a_path_that_is_not_there_is_said(tmp_path: Path) -> None:

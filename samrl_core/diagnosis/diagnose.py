@@ -35,6 +35,7 @@ from samrl_core.diagnosis.result import (
     WhereItem,
 )
 from samrl_core.diagnosis.selection.description import Misdescription
+from samrl_core.diagnosis.selection.exceeded_limits import ExceededLimits
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
 from samrl_core.diagnosis.selection.selection import Selection, SelectionSettings, select
 from samrl_core.diagnosis.verdict import rules
@@ -44,6 +45,7 @@ from samrl_core.diagnosis.verdict.least_sizes import least_sizes
 
 Progress = Callable[[str], None]
 NAMING = ("effect", "ambiguous")  # verdicts that name effects
+OF_DESCRIPTION = {"joint_order", "unit_error", "torque_saturation"}  # families that its errors are named by
 
 
 @dataclass(frozen=True)
@@ -108,7 +110,7 @@ def diagnose(
     case = _prepare(fit, held_out, settings, notes, progress)
     if not case.trials[0].channels:
         return case.unjudged(), HowFar(None, ())
-    allowed = {"joint_order", "unit_error"} & set(settings.library or ("joint_order", "unit_error"))
+    allowed = OF_DESCRIPTION & set(settings.library or OF_DESCRIPTION)
     wrong = case.kind.misdescription(case.trials) if settings.doubt_description else None
     if wrong is not None and wrong.family in allowed:
         return _as_described(case, wrong)
@@ -196,7 +198,7 @@ def _prepare(
     return _Case(kind, fit, held_out, trials, held_trials, effects, settings, told, found, progress)
 
 
-def _as_described(case: _Case, wrong: Misdescription) -> tuple[Diagnosis, HowFar]:
+def _as_described(case: _Case, wrong: Misdescription | ExceededLimits) -> tuple[Diagnosis, HowFar]:
     """The diagnosis of recordings with a wrong description: the error, and what is left once it is mended."""
     remark = f"this log fits if {wrong.says}; all that follows is of the log so corrected"
     both = (as_arms(case.trials), as_arms(case.held_trials))
@@ -205,14 +207,15 @@ def _as_described(case: _Case, wrong: Misdescription) -> tuple[Diagnosis, HowFar
         *corrected, replace(case.settings, doubt_description=False), [*case.notes, remark], case.progress
     )
     arm = both[0][0].recording.arm
-    first = wrong.named(arm.role, arm.joints)
+    named = wrong.named(arm.role, arm.joints)
     reasons = (
         f"this log fits if {wrong.says}: {wrong.before:.0%} of the torque's variance contradict the"
         f" description, {wrong.after:.0%} then",
     )
+    could_be = ", ".join(dict.fromkeys(name for group in rest.ambiguity_set for name in group))
     left = {
         "effect": (f"beside it: {', '.join(e.name for e in rest.effects)}",),
-        "ambiguous": ("beside it there is a gap with several possible causes",),
+        "ambiguous": (f"beside it there is a gap with several possible causes: {could_be}",),
         "none_of_mine": ("beside it there is a gap that no known effect explains",),
     }
     others = rest.effects if rest.verdict == "effect" else ()
@@ -220,7 +223,7 @@ def _as_described(case: _Case, wrong: Misdescription) -> tuple[Diagnosis, HowFar
         rest,
         verdict="effect",
         reasons=(*reasons, *left.get(rest.verdict, ()), *rest.reasons),
-        effects=(first, *(replace(e, role="secondary") for e in others)),
+        effects=(*named, *(replace(e, role="secondary") for e in others)),
         gap=wrong.gap(both[1]),
         unexplained_fraction=wrong.after / max(wrong.before, 1e-9),
         nearest=None,

@@ -323,8 +323,11 @@ class RecordedMotion(SignalBand):
             np.zeros(self.joints) if x is None else white_noise(x, self.rate)
             for x in (self.raw_position, self.raw_velocity, self.raw_effort, self.raw_commanded)
         )
+        speed = find_low_pass(self.raw_velocity, self.rate, self.band)
         sensor = find_low_pass(self.raw_effort, self.rate, self.band)
         drive = find_low_pass(None if self.computed else self.given, self.rate, self.band)
+        if self.raw_velocity is not None and speed.form:
+            velocity = speed.noise(self.raw_velocity)
         if self.raw_effort is not None and sensor.form:
             effort = sensor.noise(self.raw_effort)
         if self.raw_commanded is not None and drive.form:

@@ -76,7 +76,7 @@ class Misdescription:
             torque_enabled=enabled and _corrected(enabled, self.order, np.ones(len(factors)), turns),
         )
 
-    def named(self, arm: str, joints: Sequence[str]) -> NamedEffect:
+    def named(self, arm: str, joints: Sequence[str]) -> tuple[NamedEffect, ...]:
         """As an effect of the report."""
         if self.family == "unit_error":
             low, high = sorted(self.factor * (1.0 + x) for x in self.unsure)
@@ -90,7 +90,7 @@ class Misdescription:
             }
         certain = float(np.clip(1.0 - self.after / max(self.before, 1e-9), 0.0, 0.99))
         place = f"arm:{arm}" if self.joint < 0 else f"joint:{joints[self.joint]}"
-        return NamedEffect(self.family, place, certain, sizes, 0.0, "", "primary")
+        return (NamedEffect(self.family, place, certain, sizes, 0.0, "", "primary"),)
 
     def gap(self, trials: Sequence[Trial]) -> HeldOutGap | None:
         """How far the torque residual shrinks on recordings that were not looked at."""

@@ -68,7 +68,8 @@ def test_one_joint_with_a_unit_sign_or_gear_of_its_own(
     assert found is not None and found.joint == joint and found.says.startswith(says)
     assert found.factor == pytest.approx(factor, rel=0.05)
     assert (
-        found.named("tool_arm", worlds.arm().joints).name == f"unit_error@joint:{worlds.arm().joints[joint]}"
+        found.named("tool_arm", worlds.arm().joints)[0].name
+        == f"unit_error@joint:{worlds.arm().joints[joint]}"
     )
 
 

@@ -34,7 +34,7 @@ class TorqueSensorError(Effect):
     )
 
     def why_unobservable(self, trial: Trial) -> str | None:
-        return None if "drive" in trial.channels else "needs commanded and link-side effort"
+        return None if "link" in trial.channels else "needs link-side effort"
 
     def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
         named = {

@@ -17,7 +17,7 @@ USUAL_CARRIER = 4.0  # [kg] of moving links that carry as much; a lighter machin
 DISTANCES = (0.02, 0.05, 0.1, 0.2, 0.4)  # [m] of a point from the flange, at which the search begins
 BESIDE = 0.1  # of its distance: standard deviation of what an axis of the flange leaves open
 MOST_TAKEN = 0.5  # of the last link's inertia, off a machine that nothing drives
-LEAST_SEEN = 1e-9  # of the regressor's largest entry: less is rounding
+LEAST_SEEN = 0.01  # of the largest torque that a usual parameter makes: less does not tell a size
 
 
 class PayloadEffect(Effect):
@@ -96,8 +96,12 @@ class AtFlange(Form):
         return float(point @ point) / against if abs(against) > 1e-15 else 0.0
 
     def _which_are_seen(self, trial: Trial) -> np.ndarray:
-        """(10,) whether a parameter of the last link turns up in any torque."""
-        largest = np.max(np.abs(trial.regressor[:, :, -1, :]), axis=(0, 1))
+        """(10,) whether a parameter of the last link, of its usual size, turns up in any torque.
+
+        A tilt on a pan that is a centimetre off carries its mass a thousandth as visibly as its moment.
+        """
+        _, usual = self.prior(trial, {})
+        largest = usual * np.max(np.abs(trial.regressor[:, :, -1, :]), axis=(0, 1))
         return largest > LEAST_SEEN * np.max(largest)
 
     def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:

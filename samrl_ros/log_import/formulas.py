@@ -34,9 +34,14 @@ _COMPARE: dict[type[ast.cmpop], Callable[[Any, Any], Any]] = {
 }
 
 
+HIGHEST_BIT = 62  # of a count
+
+
 def signed(values: Any, bit: Any) -> np.ndarray:
     """Sign and magnitude to numbers: a set `bit` (from 0) means minus, lower bits are the magnitude."""
-    weight = float(2 ** int(bit))
+    if not 0 <= bit <= HIGHEST_BIT or bit != int(bit):
+        raise ValueError(f"signed(x, {bit:g}): a sign is a bit, a whole number from 0 to {HIGHEST_BIT}")
+    weight = 2.0 ** int(bit)
     return np.where(np.mod(np.floor(values / weight), 2) == 1, -1.0, 1.0) * np.mod(values, weight)
 
 

@@ -77,3 +77,10 @@ def test_units() -> None:
     for quantity, unit in (("position", "rpm"), ("effort", "counts/4096"), ("velocity", "counts/4096")):
         with pytest.raises(InputError, match=f"here: unit '{unit}'"):
             factor(quantity, unit, "here")
+
+
+@pytest.mark.parametrize("bit", ["1e9", "-1", "2.5", "1 / 0", "x"])
+def test_a_sign_is_a_bit_of_a_count(bit: str) -> None:
+    """Two to the power of a damaged mapping's number took longer than anybody waits."""
+    with pytest.raises(InputError, match="here"):
+        evaluate(f"signed(raw, {bit})", VALUES, "here")

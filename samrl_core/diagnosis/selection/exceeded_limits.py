@@ -21,6 +21,7 @@ from samrl_core.diagnosis.result import HeldOutGap, NamedEffect, ParameterEstima
 SHOWS = 0.05  # of the limit, that is taken off, from which on a sample counts
 LEAST = 30  # such samples: half a second of a fast move
 ACTS = (0.8, 1.25)  # share of what is taken off that the residual holds
+MARGIN = 1.2  # of a limit over all that a law asked for in fitted recordings
 LEAVES = 0.2  # of the residual's power at those samples, at most, once nothing is taken off
 
 
@@ -31,24 +32,29 @@ class ExceededLimits:
     joints: tuple[int, ...]
     limits: tuple[float, ...]  # of each, as stated [N m]
     reached: tuple[tuple[float, float], ...]  # of each: exceeded by a tenth of those samples, and the largest
+    beyond: tuple[float, ...]  # of each: limits that clip nothing of these recordings
     says: str
     before: float  # share of the torque's power that is left at those samples, on fitted recordings
     after: float  # and without the limits
     family: str = "torque_saturation"
 
     def corrected(self, recording: ArmRecording) -> ArmRecording:
-        """The recording with a description that states no limit there."""
+        """The recording with a description whose limits are beyond all that was asked for.
+
+        None at all would leave tolerances, which are shares of a limit, without their unit.
+        """
         arm = recording.arm
-        names = {arm.joints[j] for j in self.joints}
+        wider = {arm.joints[j]: x for j, x in zip(self.joints, self.beyond, strict=True)}
         assert arm.urdf is not None
         root = parse_urdf(arm.urdf, "the URDF")
         for joint in root.findall("joint"):
-            if joint.get("name") in names and (limit := joint.find("limit")) is not None:
-                limit.set("effort", "0")  # none is stated
+            if (name := joint.get("name")) in wider and (limit := joint.find("limit")) is not None:
+                limit.set("effort", repr(wider[name]))
         controller = arm.controller
         if controller is not None and controller.effort_limit is not None:
-            lifted = np.isin(np.arange(len(arm.joints)), self.joints)
-            controller = replace(controller, effort_limit=np.where(lifted, np.inf, controller.effort_limit))
+            limits = np.array(np.broadcast_to(controller.effort_limit, (len(arm.joints),)), dtype=float)
+            limits[list(self.joints)] = self.beyond
+            controller = replace(controller, effort_limit=limits)
         text = ElementTree.tostring(root, encoding="unicode")
         return replace(recording, arm=replace(arm, urdf=text, controller=controller))
 
@@ -110,7 +116,17 @@ class Beyond:
         if len(self.off) < LEAST or power == 0.0:
             return False
         share = -float(self.off @ self.rest) / float(self.off @ self.off)
-        return ACTS[0] <= share <= ACTS[1] and float(np.sum((self.rest + self.off) ** 2)) <= LEAVES * power
+        return ACTS[0] <= share <= ACTS[1] and self.left <= LEAVES * power
+
+    @property
+    def fits_better(self) -> bool:
+        """Whether the equation holds better there without the limit."""
+        return self.left < float(self.rest @ self.rest)
+
+    @property
+    def left(self) -> float:
+        """Power of the residual without the limit."""
+        return float(np.sum((self.rest + self.off) ** 2))
 
 
 def find_exceeded_limits(trials: Sequence[Trial]) -> ExceededLimits | None:
@@ -120,16 +136,22 @@ def find_exceeded_limits(trials: Sequence[Trial]) -> ExceededLimits | None:
         return None
     limits = first.motion.limit()
     finite = [j for j in range(first.joints) if np.isfinite(limits[j])]
-    found = {j: one for j in finite if (one := Beyond.of(trials, j, float(limits[j]))).acts}
-    if not found:
+    beyond = {j: Beyond.of(trials, j, float(limits[j])) for j in finite}
+    if not any(one.acts for one in beyond.values()):
         return None
+    # One that is a placeholder is seldom alone. Another joint's own cause may hide that its limit is one.
+    found = {j: one for j, one in beyond.items() if one.acts or one.fits_better}
     names, worst = first.recording.arm.joints, {j: float(one.asked.max()) for j, one in found.items()}
     said = ", ".join(
         f"{limits[j]:.3g} N m of {names[j]}, where {most:.3g} N m act" for j, most in worst.items()
     )
     power = sum(float(one.asked @ one.asked) for one in found.values())
     before = sum(float(one.rest @ one.rest) for one in found.values()) / power
-    after = sum(float(np.sum((one.rest + one.off) ** 2)) for one in found.values()) / power
+    after = sum(one.left for one in found.values()) / power
     reached = tuple((float(np.quantile(one.asked, 0.9)), worst[j]) for j, one in found.items())
     stated = tuple(float(limits[j]) for j in found)
-    return ExceededLimits(tuple(found), stated, reached, f"no torque is limited to {said}", before, after)
+    laws = [np.abs(trial.motion.described_law.total).max(axis=0) for trial in trials]
+    wider = tuple(MARGIN * float(np.max(laws, axis=0)[j]) for j in found)
+    return ExceededLimits(
+        tuple(found), stated, reached, wider, f"no torque is limited to {said}", before, after
+    )

@@ -36,7 +36,7 @@ def test_a_limit_that_the_motion_exceeds_is_told() -> None:
     assert effect.name == "torque_saturation@joint:swing"
     assert "1 N m of swing" in found.says
     lifted = found.corrected(limited(0, 1.0)).arm
-    assert RigidArm(lifted).effort_limits()[0] == float("inf")
+    assert RigidArm(lifted).effort_limits()[0] > 1.2 * found.reached[0][1]
 
 
 def test_a_limit_that_is_there_or_not_reached_stays() -> None:

@@ -1,8 +1,9 @@
 """A node that nothing reaches, although others speak to it.
 
-Fast DDS 2.14 makes such nodes: the process that takes a killed one's place can announce itself and publish,
-and yet no message comes in over shared memory (github.com/eProsima/Fast-DDS, issues 5053 and 5469). Only a
-new process mends it.
+Fast DDS 2.14 makes such nodes: the process that takes a killed one's place, and its port in shared memory,
+can announce itself and publish, and yet no message comes in (github.com/eProsima/Fast-DDS, issues 5053 and
+5469). Nodes keep off such ports (`shared_memory.pass_over_dead_ports`); what is deaf all the same says so,
+and only a new process mends it.
 """
 
 from __future__ import annotations

@@ -27,6 +27,7 @@ from samrl_ros.hosting.behaviour_node import BehaviourNode, MakeBehaviour
 from samrl_ros.hosting.cell_node import ACTIVE, FINALIZED, CellNode
 from samrl_ros.hosting.dds import configure_dds
 from samrl_ros.hosting.leaving import LEAVE_S, leave_graph
+from samrl_ros.hosting.shared_memory import pass_over_dead_ports
 
 Result = TypeVar("Result")
 # Two unrelated types, RuntimeErrors both, which rclpy does not export by a public name.
@@ -42,6 +43,7 @@ def start_ros(arguments: Sequence[str] | None = None) -> None:
         InputError: what follows `--ros-args` cannot be understood.
     """
     configure_dds()
+    pass_over_dead_ports()
     try:
         rclpy.init(
             args=list(arguments) if arguments is not None else None,

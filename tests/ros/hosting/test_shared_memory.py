@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import mmap
 import os
 import subprocess
 import sys
@@ -15,11 +16,12 @@ import pytest
 pytest.importorskip("rclpy")
 
 from samrl_core.blind_test.scores.diagnosis_run import can_hide
-from samrl_ros.hosting.shared_memory import leftovers, remove_leftovers
+from samrl_ros.hosting import shared_memory
+from samrl_ros.hosting.shared_memory import leftovers, pass_over_dead_ports, remove_leftovers
 
 pytestmark = pytest.mark.ros
 SEGMENT, OTHER = "fastrtps_0123456789abcdef", "fastrtps_fedcba9876543210"
-PORT = "fastrtps_port7410"
+PORT, PARTICIPANT = "fastrtps_port7411", "fastrtps_port7001"
 
 
 @pytest.fixture
@@ -72,9 +74,43 @@ def test_another_user_s_stays(folder: Path, monkeypatch: pytest.MonkeyPatch) -> 
     assert remove_leftovers(folder) == () and (folder / SEGMENT).exists()
 
 
-# In a name space where /dev/shm is empty: two participants talk, one is killed.
+def is_free(lock: Path) -> bool:
+    with lock.open("rb") as stream:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+        return True
+
+
+def test_a_port_that_somebody_still_writes_to_stays(folder: Path) -> None:
+    with (folder / PORT).open("r+b") as file, mmap.mmap(file.fileno(), 0):
+        assert {one.name for one in remove_leftovers(folder)} == {SEGMENT, OTHER}
+    assert {one.name for one in remove_leftovers(folder)} == {PORT}
+
+
+def test_ports_of_killed_processes_are_taken_and_nothing_else(
+    folder: Path, owned: ExitStack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    taken: list[ExitStack] = []
+    monkeypatch.setattr(shared_memory, "_passed_over", taken)
+    lived_in = folder / "fastrtps_port7413_el"
+    for lock in (lived_in, folder / f"{PARTICIPANT}_el"):
+        lock.touch()
+    own(owned, lived_in)
+    assert pass_over_dead_ports(folder) == (7411,) and pass_over_dead_ports(folder) == ()
+    assert not is_free(folder / f"{PORT}_el") and not is_free(lived_in)
+    assert is_free(folder / f"{SEGMENT}_el") and is_free(folder / f"{PARTICIPANT}_el")
+    for lock in taken:
+        lock.close()
+    assert is_free(folder / f"{PORT}_el")
+
+
+# In a name space where /dev/shm is empty: two participants talk, one is killed and followed by a third, which
+# hears although the port of the killed one says that its listener was between two messages (written into it:
+# Fast DDS 2.14 is in that state for a microsecond a message, and no writer ever leaves such a port).
 PARTICIPANTS = """
-import os, signal, subprocess, sys, time
+import mmap, signal, subprocess, sys, time
 from pathlib import Path
 
 TALK = '''
@@ -89,7 +125,8 @@ heard = []
 node.create_subscription(String, "said", lambda message: heard.append(message.data), 1)
 print("ready", flush=True)
 known = {sys.argv[1]}
-while True:
+end = time.monotonic() + 120.0
+while time.monotonic() < end:
     publisher.publish(String(data=sys.argv[1]))
     rclpy.spin_once(node, timeout_sec=0.02)
     if set(heard) - known:  # told once: a pipe that nobody reads fills, and holds the talker
@@ -97,33 +134,42 @@ while True:
         known |= set(heard)
     heard.clear()
 '''
+SHM = Path("/dev/shm")
+NUMBER, STATUS, IN_USE, WAITING = 276, 20888, 1, 2  # of a port of Fast DDS 2.14.5: offsets [bytes] and bits
 
 def start(name):
     return subprocess.Popen([sys.executable, "-c", TALK, name], stdout=subprocess.PIPE, text=True)
 
-def wait_for(process, text):
-    while text not in process.stdout.readline():
-        pass
+def hears(process, text):
+    return any(text in line for line in process.stdout)
+
+def between_two_messages(port):
+    with (SHM / port).open("r+b") as file, mmap.mmap(file.fileno(), 0) as memory:
+        assert memory[NUMBER : NUMBER + 4] == int(port[len("fastrtps_port") :]).to_bytes(4, "little")
+        assert memory[STATUS] & IN_USE, "one listener"
+        memory[STATUS] = IN_USE
 
 from samrl_ros.hosting.shared_memory import remove_leftovers
-names = lambda: {p.name for p in Path("/dev/shm").glob("fastrtps_*") if p.name[-3:] not in ("_el", "_sl")}
+names = lambda: {p.name for p in SHM.glob("fastrtps_*") if p.name[-3:] not in ("_el", "_sl")}
 living = start("living")
-wait_for(living, "ready")
+assert hears(living, "ready")
 of_living = names()
 killed = start("killed")
-wait_for(living, "heard killed")
+assert hears(living, "heard killed") and hears(killed, "heard living")
 assert not remove_leftovers(young_s=0.0), "both live"
 of_killed = names() - of_living
+(port,) = (name for name in of_killed if "_port" in name and int(name[len("fastrtps_port") :]) >= 7411)
 killed.kill()
 killed.wait()
+between_two_messages(port)
 gone = {one.name for one in remove_leftovers(young_s=0.0)}
 left = names()
 third = start("third")
-wait_for(living, "heard third")
-wait_for(third, "heard living")
+segments = {name for name in of_killed if "_port" not in name}
+print(bool(of_killed), gone == segments, of_living <= left, hears(living, "heard third"))
+print("the third", "hears" if hears(third, "heard living") else "is deaf")
 third.terminate()
 living.terminate()
-print(bool(of_killed), of_killed <= gone, of_living - {n for n in of_living if "port" in n} <= left)
 """
 
 
@@ -146,8 +192,10 @@ print(code, [one.name for one in leftovers(young_s=0.0)])
 
 @pytest.mark.live
 @pytest.mark.skipif(not can_hide(), reason="this system gives no mount name space")
-@pytest.mark.parametrize(("text", "said"), [(PARTICIPANTS, "True True True"), (NODE, "0 []")])
-def test_living_participants_keep_talking_and_ended_nodes_leave_nothing(
+@pytest.mark.parametrize(
+    ("text", "said"), [(PARTICIPANTS, "True True True True\nthe third hears"), (NODE, "0 []")]
+)
+def test_a_killed_one_s_successor_hears_and_ended_nodes_leave_nothing(
     text: str, said: str, tmp_path: Path
 ) -> None:
     program = tmp_path / "program.py"
@@ -156,4 +204,4 @@ def test_living_participants_keep_talking_and_ended_nodes_leave_nothing(
     script = f"mount -t tmpfs none /dev/shm && exec '{sys.executable}' '{program}'"
     command = ["unshare", "--user", "--map-root-user", "--mount", "sh", "-c", script]
     done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=600)
-    assert done.stdout.strip().splitlines()[-1] == said, done.stdout + done.stderr
+    assert done.stdout.strip().endswith(said), done.stdout + done.stderr

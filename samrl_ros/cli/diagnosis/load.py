@@ -19,7 +19,7 @@ from samrl_core.diagnosis.nominal_model.nominal_model import NominalModel
 from samrl_core.diagnosis.recordings import check_held_out, check_recording, longest_whole, split
 from samrl_core.diagnosis.recordings.motion_check import no_motion
 from samrl_ros.cli.diagnosis.options import DiagnoseOptions
-from samrl_ros.log_import.draft.bag_set import bags_in
+from samrl_ros.log_import.draft.bag_set import ask_one_machine, bags_in
 from samrl_ros.log_import.draft.guess import Effort
 from samrl_ros.recordings.arrays_by_role import restated
 from samrl_ros.recordings.body_file import body_roles, is_body_file, load_body_files
@@ -146,7 +146,7 @@ def _load_arms(
     given: Sequence[Path],
 ) -> Loaded:
     """Logs of joints, drafted one by one; `given` are the paths that the user named, for messages."""
-    from samrl_ros.log_import.foreign import runs_in
+    from samrl_ros.log_import.foreign import is_foreign, runs_in
     from samrl_ros.recordings import read_tolerances
 
     fit_paths = [run for path in fit_paths for run in runs_in(path)]
@@ -154,6 +154,12 @@ def _load_arms(
     tolerances = read_tolerances(options.tolerances) if options.tolerances else None
     drafted = "" if options.urdf is None else f" --urdf {options.urdf}"
     drafted += "" if options.effort is Effort.ask else f" --effort {options.effort.value}"
+    for folder in given:
+        if question := ask_one_machine([bag for bag in bags_in(folder) if is_foreign(bag)]):
+            raise InputError(
+                f"{folder}: {question}. If they are: `samrl bag draft {folder}{drafted} --out mapping.yaml`,"
+                f" delete that question, then `samrl diagnose --mapping mapping.yaml --data {folder}`"
+            )
     notes: list[str] = []
     groups: list[list[tuple[ArmRecording, ...]]] = []
     all_paths = [*fit_paths, *held_paths]

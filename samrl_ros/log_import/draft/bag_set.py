@@ -8,12 +8,14 @@ from pathlib import Path
 from samrl_core.common.files import is_file, is_folder
 from samrl_ros.log_import.draft.blocks import ROS_TYPES
 from samrl_ros.log_import.draft.guess import Draft
+from samrl_ros.log_import.draft.same_machine import Makings, read_makings, topics_of_joints
 from samrl_ros.log_import.formats.parquet import is_lerobot
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics
 from samrl_ros.log_import.imported_files import INDEX
 from samrl_ros.log_import.tables import RARELY_LOGS, SUFFIXES
 
 _LOGS = frozenset(SUFFIXES) - {*RARELY_LOGS, ".txt", ".json"}  # beside bags, text and JSON are notes
+SAID = 3  # differences that a question names
 
 
 def bags_in(path: Path) -> list[Path]:
@@ -47,19 +49,31 @@ def bags_of(paths: Sequence[Path]) -> list[Path]:
 def spread(draft: Draft, bags: Sequence[Path]) -> Draft:
     """A draft of the first bag, for all that hold the topics it reads; the last of them is held out.
 
+    Bags that name other joints are left out. Whether the others are of one machine is asked where anything
+    speaks against it.
+
     Args:
         draft: of `bags[0]`; changed in place.
         bags: of one folder.
+
+    Raises:
+        InputError: a bag that cannot be read.
     """
     first, *others = bags
     read = {source["part"] for source in draft.sources.values() if "part" in source}
-    alike = [first]
+    topics = topics_of_joints(first, read)
+    alike, seen = [first], [read_makings(first, topics)]
     for bag in others:
         lacks = read - {topic.name for topic in list_topics(bag, "the log")}
         if lacks:
             draft.unused.append(f"{bag.name}: has no {', '.join(sorted(lacks))}")
-        else:
-            alike.append(bag)
+            continue
+        makings = read_makings(bag, topics)
+        if absent := makings.lacks(seen[0], draft.joints):
+            draft.unused.append(f"{bag.name}: names no {', '.join(absent)}, so it is another machine's")
+            continue
+        alike.append(bag)
+        seen.append(makings)
     if len(alike) == 1 or len(draft.recordings) != 1:
         draft.unused += [f"{bag.name}: a recording of its own" for bag in alike[1:]]
         return draft
@@ -77,5 +91,27 @@ def spread(draft: Draft, bags: Sequence[Path]) -> Draft:
         "recordings",
         f"drafted from {first.name}; {', '.join(bag.name for bag in alike[1:])} with the same topics"
         f" {'is' if len(alike) == 2 else 'are'} read alike, and the last by name is held out",
+        _one_machine(seen),
     )
     return draft
+
+
+def ask_one_machine(bags: Sequence[Path]) -> str:
+    """The question whether bags are of one machine; empty where nothing speaks against it.
+
+    Raises:
+        InputError: a bag that cannot be read.
+    """
+    if len(bags) < 2:
+        return ""
+    topics = {topic.name for topic in list_topics(bags[0], "the log")}
+    return _one_machine([read_makings(bag, topics_of_joints(bag, topics)) for bag in bags])
+
+
+def _one_machine(seen: Sequence[Makings]) -> str:
+    pairs = [(a, b) for k, b in enumerate(seen) for a in seen[:k]]
+    found = [phrase for a, b in pairs for phrase in b.differs(a)]
+    if not found:
+        return ""
+    more = f"; and {len(found) - SAID} more such pairs" if len(found) > SAID else ""
+    return f"are all of one machine? {'; '.join(found[:SAID])}{more}; take out those of another, and copies"

@@ -48,6 +48,15 @@ def list_topics(path: Path, where: str) -> tuple[LoggedTopic, ...]:
     return tuple(topic for topic in sorted(found, key=lambda t: t.name) if topic.count)
 
 
+def read_span(path: Path, where: str) -> tuple[int, int]:
+    """First and last log time [ns]. Raises `InputError` if the bag cannot be opened."""
+    if is_mcap(path):
+        bag = open_bag(path)
+        return bag.start_ns, bag.end_ns
+    with _opened(path, where) as reader:
+        return int(reader.start_time), int(reader.end_time)
+
+
 def read_text_topic(path: Path, topic: str, where: str) -> str | None:
     """The last text of a std_msgs/String topic; None where there is none."""
     last = None

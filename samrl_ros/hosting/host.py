@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import queue
 import sys
 import threading
@@ -25,7 +26,7 @@ from samrl_ros.contract.interrupts import handled
 from samrl_ros.contract.quiet_end import let_go_of_terminal
 from samrl_ros.hosting.behaviour_node import BehaviourNode, MakeBehaviour
 from samrl_ros.hosting.cell_node import ACTIVE, FINALIZED, CellNode
-from samrl_ros.hosting.dds import configure_dds
+from samrl_ros.hosting.dds import check_domain, configure_dds
 from samrl_ros.hosting.leaving import LEAVE_S, leave_graph
 from samrl_ros.hosting.shared_memory import pass_over_dead_ports
 
@@ -40,8 +41,9 @@ def start_ros(arguments: Sequence[str] | None = None) -> None:
     """Initialise ROS with the cell's middleware defaults, leaving SIGINT and SIGTERM to us.
 
     Raises:
-        InputError: what follows `--ros-args` cannot be understood.
+        InputError: what follows `--ros-args` cannot be understood, or there is no such ROS domain.
     """
+    check_domain(os.environ)
     configure_dds()
     pass_over_dead_ports()
     try:

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from samrl_core.common.errors import InputError
 from samrl_ros.hosting import dds, ros_check
 from samrl_ros.hosting.ros_check import RosMissingError, ros_clash
 from tests.waiting import PATIENCE_S
@@ -128,3 +129,19 @@ def test_the_profile_lets_a_large_best_effort_image_through(ros_domain: int) -> 
             listening.kill()
             listening.communicate()
     assert int(output.split()[-1]) >= 27  # of 30
+
+
+@pytest.mark.parametrize("domain", ["233", "999", "-1", "abc", "1.5"])
+def test_a_ros_domain_without_ports_is_refused_in_words(domain: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fast DDS ends the process at such a number, with two lines of its own."""
+    pytest.importorskip("rclpy")
+    from samrl_ros.hosting.host import start_ros
+
+    monkeypatch.setenv(dds.DOMAIN, domain)
+    with pytest.raises(InputError, match=f"ROS_DOMAIN_ID is '{domain}', must be a number of 0 to 232"):
+        start_ros([])
+
+
+@pytest.mark.parametrize("environment", [{}, {"ROS_DOMAIN_ID": ""}, {"ROS_DOMAIN_ID": "232"}])
+def test_a_ros_domain_with_ports_is_not(environment: dict[str, str]) -> None:
+    dds.check_domain(environment)

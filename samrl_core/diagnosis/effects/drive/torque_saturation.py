@@ -22,8 +22,8 @@ class TorqueSaturation(DriveEffect):
 
     family, number, title = "torque_saturation", 15, "Torque saturation"
     meaning = (
-        "The drive's torque ends elsewhere than the model's limit: a lower end flattens fast moves, and a "
-        "model that clips what the drive gives lags in them."
+        "The drive's torque does not end at the model's limit: lower, fast moves are flattened; higher, they "
+        "are not."
     )
     remedy = (
         "Set the model's effort limit to the fitted value, or slow the motion; check supply and drive limits."

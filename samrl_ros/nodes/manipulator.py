@@ -87,6 +87,7 @@ class Manipulator(Behaviour):
         self._ids: dict[str, tuple[int, int]] = dict.fromkeys(ROLES, (0, 0))
         self._action: tuple[Any, np.ndarray] | None = None  # request and tip before it
         self._taken: tuple[int, ...] = ()  # the newest action begun or done, see `_place`
+        self._taken_ns = 0  # when it began
         self._stopped: tuple[str, ...] = ()  # arms that the guard has stopped until a reset
         self._estopped = False
         self._reset_ns = -1  # when the newest emergency stop was reset
@@ -99,7 +100,7 @@ class Manipulator(Behaviour):
         elif topic == SAFETY:
             if self._settings.heed_stops:
                 self._on_safety(message)
-        elif topic == ACTION and self._place(message) == self._taken:
+        elif topic == ACTION and self._is_repeated(message):
             self._outbox.log("warn", f"action {message.step} was asked for twice; it is done once")
         else:
             role = "tool_arm" if topic == ACTION else "camera_arm" if topic == TARGET else TRAJECTORY[topic]
@@ -159,6 +160,15 @@ class Manipulator(Behaviour):
         """Episode, step, and how often the arm was set to where it is: what was cut off may come again."""
         return (action.episode, action.step, self._arms["tool_arm"].stands)
 
+    def _is_repeated(self, action: Any) -> bool:
+        """Whether it is the one under way, or answers what was seen before that one.
+
+        Episode and step do not tell: a supervisor that was started anew counts them from 0 once more.
+        """
+        if self._place(action) != self._taken:
+            return False
+        return self._action is not None or from_message.stamp_ns(action) <= self._taken_ns
+
     def _refuse_stale(self, message: Any) -> None:
         if from_message.stamp_ns(message) < self._reset_ns:
             raise InputError("it answers an image from before the emergency stop's reset")
@@ -205,7 +215,7 @@ class Manipulator(Behaviour):
             self._settings.action_duration,
         )
         self._action = (message, tip)
-        self._taken = self._place(message)
+        self._taken, self._taken_ns = self._place(message), self._now_ns("tool_arm")
 
     def _on_trajectory(self, role: str, message: Any) -> None:
         arm = self._ready(role)

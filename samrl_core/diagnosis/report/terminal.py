@@ -13,6 +13,7 @@ from samrl_core.diagnosis.result import Diagnosis, HeldOutGap
 LINES = 10
 WIDTH = 110
 INDENT = 15
+OF_DESCRIPTION = ("this log fits if", "beside it ")  # an error of it, and the gap that it leaves
 OF_DOUBT = ("turn otherwise", "stand apart", "stand elsewhere")  # notes of poses that no verdict counts
 
 
@@ -23,6 +24,7 @@ def summary(diagnosis: Diagnosis, files: Sequence[str] = ()) -> list[str]:
     lines += _where(d)
     if d.verdict == "effect":
         lines += _which(d)
+        lines += [_line("why", reason) for reason in d.reasons[:2] if reason.startswith(OF_DESCRIPTION)]
     elif d.reasons:
         lines.append(_line("why", d.reasons[0]))
     if d.ambiguity_set:

@@ -56,6 +56,18 @@ def test_the_effect_is_named_with_its_parameters_and_how_far() -> None:
     assert "8 % of the excess energy remains with the named effect, 17 % of the held-out gap" in text
 
 
+def test_an_error_of_the_description_is_said_with_what_it_leaves() -> None:
+    """A limit that was a placeholder was the cause, and of a load beside it only the page spoke."""
+    said = (
+        "this log fits if no torque is limited to 1.5 N m of pan",
+        "beside it there is a gap: a load",
+        "more",
+    )
+    text = "\n".join(summary(replace(samples.diagnosis("effect"), reasons=said)))
+    assert all(reason in text for reason in said[:2]) and said[2] not in text
+    assert "beside it there" not in "\n".join(summary(samples.diagnosis("effect")))
+
+
 def test_what_remains_is_never_nothing_and_never_of_the_torque_alone() -> None:
     """Three effects left 81 % of a hobby arm's held-out gap, and nothing unexplained."""
     d = samples.diagnosis("effect")

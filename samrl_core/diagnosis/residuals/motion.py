@@ -22,6 +22,7 @@ from samrl_core.diagnosis.residuals.signal_noise import (
     Noise,
     Reading,
     is_fast,
+    noise_behind,
     quantum,
     tells_accelerations,
     white_noise,
@@ -319,19 +320,13 @@ class RecordedMotion(SignalBand):
     @cached_property
     def noise(self) -> Noise:
         """White noise levels of the raw channels, behind drivers' filters as it is within the band."""
+        filtered = (None, self.raw_velocity, self.raw_effort, None if self.computed else self.given)
+        none, speed, sensor, drive = (find_low_pass(x, self.rate, self.band) for x in filtered)
+        read = (self.raw_position, self.raw_velocity, self.raw_effort, self.raw_commanded)
         position, velocity, effort, sent = (
-            np.zeros(self.joints) if x is None else white_noise(x, self.rate)
-            for x in (self.raw_position, self.raw_velocity, self.raw_effort, self.raw_commanded)
+            np.zeros(self.joints) if x is None else noise_behind(x, behind)
+            for x, behind in zip(read, (none, speed, sensor, drive), strict=True)
         )
-        speed = find_low_pass(self.raw_velocity, self.rate, self.band)
-        sensor = find_low_pass(self.raw_effort, self.rate, self.band)
-        drive = find_low_pass(None if self.computed else self.given, self.rate, self.band)
-        if self.raw_velocity is not None and speed.form:
-            velocity = speed.noise(self.raw_velocity)
-        if self.raw_effort is not None and sensor.form:
-            effort = sensor.noise(self.raw_effort)
-        if self.raw_commanded is not None and drive.form:
-            sent = drive.noise(self.raw_commanded)
         # While a coarse encoder rests it is silent: rests must not speak for the motion.
         position = np.maximum(position, self.reading_step / np.sqrt(12.0))
         if self.computed and self.controller is not None:

@@ -144,6 +144,11 @@ def white_noise(x: np.ndarray, rate: float) -> np.ndarray:
     return np.sqrt(np.median(power[upper], axis=0) / below * rate / 2.0)
 
 
+def noise_behind(x: np.ndarray, behind: LowPass) -> np.ndarray:
+    """White noise (J,) of readings (F, J): behind a filter that which is as large within the band."""
+    return behind.noise(x) if behind.form else white_noise(x, behind.rate)
+
+
 def sample_detail(x: np.ndarray, stride: int = 1) -> np.ndarray:
     """Standard deviation (J,) of the detail of (F, J) between samples so far apart, but for single spikes."""
     detail = (x[2 * stride :] - 2.0 * x[stride:-stride] + x[: -2 * stride]) / np.sqrt(6.0)

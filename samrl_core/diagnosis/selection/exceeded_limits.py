@@ -101,12 +101,12 @@ class Beyond:
         """Of some recordings."""
         off, rest, asked = [], [], []
         for trial in trials:
-            law = trial.motion.described_law.total
-            beyond = trial.motion.reduce(law - np.clip(law, -limit, limit))[:, joint]
+            law = trial.motion.described_law.total[:, joint]
+            beyond = trial.motion.reduce(law - np.clip(law, -limit, limit))
             some = np.abs(beyond) > SHOWS * limit
             off.append(beyond[some])
             rest.append(trial.residual["dynamics"][some, joint])
-            asked.append(np.abs(trial.motion.reduce(law)[some, joint]))
+            asked.append(np.abs(trial.motion.reduce(law)[some]))
         return cls(*map(np.concatenate, (off, rest, asked)))
 
     @property

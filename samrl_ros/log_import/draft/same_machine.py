@@ -19,9 +19,7 @@ from samrl_ros.log_import.formats.rosbag import list_topics, read_messages, read
 
 FIRST = 200  # messages that are looked at; joints of one topic may come in several
 OTHER_RATE = 1.5  # times another's: a driver's own rate does not vary by so much
-DATED = (
-    1_000_000_000 * 10**9
-)  # [ns] after 1970, September 2001: later stamps are a clock's, and not of a simulation
+DATED = 10**18  # [ns] after 1970, September 2001: later stamps are a clock's, and not of a simulation
 AT_ONCE = 10**9  # [ns] in common, which are no end of one part and begin of the next
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from scipy.spatial.transform import Rotation
 
 from samrl_core.cell.robots.joint_dynamics import joint_dynamics
 from samrl_core.cell.robots.urdf_text import parse_urdf, with_world
@@ -50,7 +51,10 @@ class RigidArm:
         self._ids = ids
         self._q_index = [model.joints[i].idx_q for i in ids]
         self._v_index = [model.joints[i].idx_v for i in ids]
-        self.slides = tuple("JointModelP" in model.joints[i].shortname() for i in ids)  # prismatic, per joint
+        self.screws = np.array([_screw(model, i) for i in ids])  # (J, 6) unit twists in the joints' frames
+        self.slides = tuple(
+            bool(np.abs(screw[:3]).max() > 0.0) for screw in self.screws
+        )  # prismatic, per joint
         self._continuous = [model.joints[i].nq == 2 for i in ids]
         self.flange_joint, self.flange, self.flange_in_joint = _flange(model, ids[-1])
         if arm.tool is not None:
@@ -168,21 +172,35 @@ class RigidArm:
         model.gravity = kept
         return wrench, unit
 
+    def placements(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Flange (N, 4, 4) and moving links (N, J, 4, 4) in the base at joint positions (N, J).
+
+        All samples at once: a search over delays asks for every sample some hundred times.
+        """
+        q = np.asarray(q, dtype=float)
+        links = np.zeros((len(q), len(self._ids), 4, 4))
+        links[..., 3, 3] = 1.0
+        for j in sorted(range(len(self._ids)), key=self._ids.__getitem__):  # parents first
+            i = self._ids[j]
+            before = self.model.jointPlacements[i].homogeneous
+            if parent := self.model.parents[i]:
+                before = links[:, self._ids.index(parent)] @ before
+            rotation, origin = before[..., :3, :3], before[..., :3, 3]
+            moved = q[:, j, None] * self.screws[j]
+            links[:, j, :3, :3] = rotation @ Rotation.from_rotvec(moved[:, 3:]).as_matrix()
+            links[:, j, :3, 3] = origin + (rotation @ moved[:, :3, None])[..., 0]
+        return links[:, self._ids.index(self.flange_joint)] @ self.flange_in_joint.homogeneous, links
+
     def kinematics(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Flange (N, 4, 4) and moving links (N, J, 4, 4) in the base, and the joints' twists (N, J, 6).
 
         Twists are per radian, of the base's origin, translation first, in base axes.
         """
-        flanges = np.empty((len(q), 4, 4))
-        links = np.empty((len(q), len(self._ids), 4, 4))
-        twists = np.empty((len(q), len(self._ids), 6))
-        for k, row in enumerate(self._full_q(q)):
-            pin.computeJointJacobians(self.model, self.data, row)
-            flanges[k] = (self.data.oMi[self.flange_joint] * self.flange_in_joint).homogeneous
-            twists[k] = np.asarray(self.data.J)[:, self._v_index].T
-            for j, i in enumerate(self._ids):
-                links[k, j] = self.data.oMi[i].homogeneous
-        return flanges, links, twists
+        flanges, links = self.placements(q)
+        rotation = links[..., :3, :3]
+        turns = (rotation @ self.screws[:, 3:, None])[..., 0]
+        moves = (rotation @ self.screws[:, :3, None])[..., 0] + np.cross(links[..., :3, 3], turns)
+        return flanges, links, np.concatenate([moves, turns], axis=-1)
 
     def _full_q(self, q: np.ndarray) -> np.ndarray:
         q = np.asarray(q, dtype=float)
@@ -238,6 +256,19 @@ def _flange(model: Any, last_joint: int) -> tuple[int, str, Any]:
         if len(children) != 1:
             return last_joint, chain.name, chain.placement
         chain = children[0]
+
+
+def _screw(model: Any, joint: int) -> np.ndarray:
+    """Unit twist (6,) of a joint's motion in its own frame, translation first."""
+    data = model.joints[joint].createData()
+    model.joints[joint].calc(data, pin.neutral(model)[model.joints[joint].idx_q :][: model.joints[joint].nq])
+    column = np.array(data.S).ravel()
+    if column.shape != (6,):
+        name = model.joints[joint].shortname()
+        raise InputError(
+            f"joint {model.names[joint]} is a {name}; only revolute and prismatic joints are supported"
+        )
+    return column
 
 
 def _link_of(model: Any, joint: int) -> str:

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
 
@@ -29,21 +26,6 @@ class JointTree:
         placements = [model.jointPlacements[ids[i]] for i in arm]
         self.rotation = np.array([*(np.eye(3) for _ in range(mount)), *(p.rotation for p in placements)])
         self.origin = np.array([*(np.zeros(3) for _ in range(mount)), *(p.translation for p in placements)])
-        axes = [_axis(model, ids[i]) for i in arm]
-        self.axis = np.array([*np.eye(3)[:mount], *(a for a, _ in axes)])
-        self.prismatic = np.array([0] * mount + [int(p) for _, p in axes], dtype=np.int32)
-
-
-def _axis(model: Any, joint: int) -> tuple[np.ndarray, bool]:
-    """Axis in the joint's frame, and whether the joint slides."""
-    name = model.joints[joint].shortname()
-    data = model.joints[joint].createData()
-    position = np.array([1.0, 0.0]) if model.joints[joint].nq == 2 else np.zeros(1)
-    model.joints[joint].calc(data, position)
-    column = np.array(data.S).ravel()
-    if column.shape != (6,):
-        raise InputError(
-            f"joint {model.names[joint]} is a {name}; only revolute and prismatic joints are simulated"
-        )
-    slides = bool(np.abs(column[:3]).max() > 0)
-    return (column[:3] if slides else column[3:]), slides
+        axes = [rigid.screws[i][:3] if rigid.slides[i] else rigid.screws[i][3:] for i in arm]
+        self.axis = np.array([*np.eye(3)[:mount], *axes])
+        self.prismatic = np.array([0] * mount + [int(rigid.slides[i]) for i in arm], dtype=np.int32)

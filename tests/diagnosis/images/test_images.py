@@ -54,11 +54,10 @@ def test_columns_are_what_a_moved_camera_changes(recordings: list[ImageRecording
 
 def test_a_nominal_cell_leaves_little(recordings: list[ImageRecording]) -> None:
     """Another renderer's images of the nominal cell, within a millimetre of depth and a pixel of outline."""
-    trials = prepared(recordings, 1)
-    for trial in trials:
-        assert {"depth", "mask", "color"} <= set(trial.channels)
-        assert float(np.sqrt(np.mean(trial.residual["depth"] ** 2))) < 0.001
-        assert abs(float(np.median(trial.residual["mask"]))) < 0.3
+    (trial,) = prepared(recordings[:1], 1)
+    assert {"depth", "mask", "color"} <= set(trial.channels)
+    assert float(np.sqrt(np.mean(trial.residual["depth"] ** 2))) < 0.001
+    assert abs(float(np.median(trial.residual["mask"]))) < 0.3
 
 
 def test_bad_images_are_refused(recordings: list[ImageRecording]) -> None:

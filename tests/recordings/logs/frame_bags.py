@@ -112,7 +112,7 @@ def write_frames(
 
     def transform(stamp: float, child: str, parent: str, pose: np.ndarray) -> Any:
         slash = "/" if ros1 else ""
-        q = Rotation.from_matrix(pose[:3, :3]).as_quat()
+        q = turns[id(pose)]
         return types["geometry_msgs/msg/TransformStamped"](
             header(stamp, slash + parent), slash + child,
             types["geometry_msgs/msg/Transform"](
@@ -120,6 +120,11 @@ def write_frames(
             ),
         )  # fmt: skip
 
+    rows = [log.static, *(transforms for _, transforms in log.moving)]
+    written = [pose for row in rows for _, _, pose in row]
+    rotations = np.array([pose[:3, :3] for pose in written]).reshape(-1, 3, 3)
+    quaternions = Rotation.from_matrix(rotations).as_quat()  # of all at once: one by one takes 0.3 ms each
+    turns = {id(pose): q for pose, q in zip(written, quaternions, strict=True)}
     encode = store.serialize_ros1 if ros1 else store.serialize_cdr
     plugin = {"mcap": StoragePlugin.MCAP, "sqlite3": StoragePlugin.SQLITE3}.get(kind)
     path = path.with_suffix(".bag") if ros1 else path

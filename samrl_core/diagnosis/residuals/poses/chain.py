@@ -19,6 +19,7 @@ from samrl_core.diagnosis.residuals.poses import rigid
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
 LINKS = ("camera", "base", "target")  # constant transforms of the chain
+KEPT_FLANGES = 4  # of the last shifts: least squares asks for one shift again and again
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,13 +85,17 @@ class Arm:
         """Flange in base (N, 4, 4) at the arm's own stamps [s]."""
         if self._track is not None:
             return self._track.at(time)
-        return self.kinematics(time)[0]
+        assert self._rigid is not None
+        return self._rigid.placements(self._read(time))[0]
 
     def kinematics(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Flange (N, 4, 4) and links (N, J, 4, 4) in the base, joints' twists (N, J, 6) in base axes."""
         assert self._rigid is not None
-        angles = [np.interp(time, self._angle_stamps, column) for column in self._angles.T]
-        return self._rigid.kinematics(np.stack(angles, axis=1))
+        return self._rigid.kinematics(self._read(time))
+
+    def _read(self, time: np.ndarray) -> np.ndarray:
+        """Joint positions (N, J) at the arm's own stamps [s]."""
+        return np.stack([np.interp(time, self._angle_stamps, column) for column in self._angles.T], axis=1)
 
 
 class Chain:
@@ -106,13 +111,20 @@ class Chain:
             None if arms[1] is None else Arm(arms[1], recording.timed),
         )
         self.seen = rigid.transforms(recording.seen.position, recording.seen.quat_xyzw)
+        self._flanges: dict[tuple[int, float], np.ndarray] = {}  # of the last shifts
 
     def flange(self, side: int, shift: float | np.ndarray = 0.0) -> np.ndarray:
         """Flange of the camera arm (0) or the tool arm (1) at the camera's stamps plus `shift` [s]."""
         arm = self.arms[side]
         if arm is None:
             return np.broadcast_to(np.eye(4), (len(self.time), 4, 4))
-        return arm.at(self.time + shift)
+        if isinstance(shift, np.ndarray):
+            return arm.at(self.time + shift)
+        if (side, shift) not in self._flanges:
+            if len(self._flanges) >= KEPT_FLANGES:
+                self._flanges.pop(next(iter(self._flanges)))
+            self._flanges[side, shift] = arm.at(self.time + shift)
+        return self._flanges[side, shift]
 
     def predicted(self, shifts: Sequence[float | np.ndarray] = (0.0, 0.0)) -> np.ndarray:
         """Target in camera (N, 4, 4), each arm read at the camera's stamps plus its shift [s]."""

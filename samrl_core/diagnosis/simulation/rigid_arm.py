@@ -52,9 +52,7 @@ class RigidArm:
         self._q_index = [model.joints[i].idx_q for i in ids]
         self._v_index = [model.joints[i].idx_v for i in ids]
         self.screws = np.array([_screw(model, i) for i in ids])  # (J, 6) unit twists in the joints' frames
-        self.slides = tuple(
-            bool(np.abs(screw[:3]).max() > 0.0) for screw in self.screws
-        )  # prismatic, per joint
+        self.slides = tuple(bool(screw[:3].any()) for screw in self.screws)  # prismatic, per joint
         self._continuous = [model.joints[i].nq == 2 for i in ids]
         self.flange_joint, self.flange, self.flange_in_joint = _flange(model, ids[-1])
         if arm.tool is not None:

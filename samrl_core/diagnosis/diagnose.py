@@ -34,8 +34,7 @@ from samrl_core.diagnosis.result import (
     Timeline,
     WhereItem,
 )
-from samrl_core.diagnosis.selection.description import Misdescription
-from samrl_core.diagnosis.selection.exceeded_limits import ExceededLimits
+from samrl_core.diagnosis.selection.description import WrongDescription
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
 from samrl_core.diagnosis.selection.selection import Selection, SelectionSettings, select
 from samrl_core.diagnosis.verdict import rules
@@ -198,7 +197,7 @@ def _prepare(
     return _Case(kind, fit, held_out, trials, held_trials, effects, settings, told, found, progress)
 
 
-def _as_described(case: _Case, wrong: Misdescription | ExceededLimits) -> tuple[Diagnosis, HowFar]:
+def _as_described(case: _Case, wrong: WrongDescription) -> tuple[Diagnosis, HowFar]:
     """The diagnosis of recordings with a wrong description: the error, and what is left once it is mended."""
     remark = f"this log fits if {wrong.says}; all that follows is of the log so corrected"
     both = (as_arms(case.trials), as_arms(case.held_trials))

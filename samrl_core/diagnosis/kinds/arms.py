@@ -32,8 +32,8 @@ from samrl_core.diagnosis.residuals.signal_noise import (
 )
 from samrl_core.diagnosis.residuals.trial import Trial, as_arms
 from samrl_core.diagnosis.result import Curve, Diagnosis, NextExperiment
-from samrl_core.diagnosis.selection.description import Misdescription, misdescription
-from samrl_core.diagnosis.selection.exceeded_limits import ExceededLimits, find_exceeded_limits
+from samrl_core.diagnosis.selection.description import WrongDescription, misdescription
+from samrl_core.diagnosis.selection.exceeded_limits import find_exceeded_limits
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
 from samrl_core.diagnosis.selection.resimulation import simulable
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
@@ -127,7 +127,7 @@ class Arms(Kind[ArmRecording]):
         first = as_arms(trials)[0]
         return [*_filter_notes(first), *_speed_notes(first), *_goal_notes(first)]
 
-    def misdescription(self, trials: Sequence[Observed]) -> Misdescription | ExceededLimits | None:
+    def misdescription(self, trials: Sequence[Observed]) -> WrongDescription | None:
         return find_exceeded_limits(as_arms(trials)) or misdescription(as_arms(trials))
 
     def doubts_of(self, fitted: Likelihood, held_out: Likelihood) -> Doubts:

@@ -15,8 +15,7 @@ from samrl_core.diagnosis.export.recalibration import Recalibration
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.result import Curve, Diagnosis, NextExperiment
-from samrl_core.diagnosis.selection.description import Misdescription
-from samrl_core.diagnosis.selection.exceeded_limits import ExceededLimits
+from samrl_core.diagnosis.selection.description import WrongDescription
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, Hypothesis
 from samrl_core.diagnosis.verdict.how_far import HowFar
 from samrl_core.diagnosis.verdict.judge import Doubts
@@ -101,7 +100,7 @@ class Kind(ABC, Generic[R]):
         """Remarks about the input that only residuals show."""
         return []
 
-    def misdescription(self, trials: Sequence[Observed]) -> Misdescription | ExceededLimits | None:
+    def misdescription(self, trials: Sequence[Observed]) -> WrongDescription | None:
         """An error of the description that must be corrected first."""
         return None
 

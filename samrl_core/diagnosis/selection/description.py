@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, permutations
+from typing import Protocol
 
 import numpy as np
 
@@ -40,6 +41,37 @@ UNITS = {  # N m (or N) per unit
     "ozf in": 0.00706155,
 }
 TURN = 0.01  # [rad/s or m/s] over which friction turns its sign
+
+
+class WrongDescription(Protocol):
+    """An error of the description that recordings show, and what they fit instead."""
+
+    @property
+    def says(self) -> str:
+        """What holds instead, to follow "this log fits if"."""
+        ...
+
+    @property
+    def before(self) -> float:
+        """Share of the torque's power that contradicts the description, on fitted recordings."""
+        ...
+
+    @property
+    def after(self) -> float:
+        """And that is left once it is corrected."""
+        ...
+
+    def corrected(self, recording: ArmRecording) -> ArmRecording:
+        """The recording and its description without the error."""
+        ...
+
+    def named(self, arm: str, joints: Sequence[str]) -> tuple[NamedEffect, ...]:
+        """As effects of the report."""
+        ...
+
+    def gap(self, trials: Sequence[Trial]) -> HeldOutGap | None:
+        """How far the gap shrinks on recordings that were not looked at; None where none shows the error."""
+        ...
 
 
 @dataclass(frozen=True)

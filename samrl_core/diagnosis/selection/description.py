@@ -47,6 +47,11 @@ class WrongDescription(Protocol):
     """An error of the description that recordings show, and what they fit instead."""
 
     @property
+    def family(self) -> str:
+        """Under which it is named."""
+        ...
+
+    @property
     def says(self) -> str:
         """What holds instead, to follow "this log fits if"."""
         ...

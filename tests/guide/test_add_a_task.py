@@ -76,7 +76,7 @@ def test_the_gripper_of_the_page_is_a_tool_that_worlds_hold(task: Task) -> None:
         world.close()
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.ros
 def test_an_episode_of_the_whole_agent(task: Task, tmp_path: Path) -> None:
     from samrl_ros.cell.local_graph import LocalGraph

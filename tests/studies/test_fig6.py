@@ -61,7 +61,7 @@ def test_the_experts_episode_passes_the_sub_goals() -> None:
         expert_states(MODEL, 3, (1.0,))
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_one_episode_is_run_summed_up_and_not_run_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -55,7 +55,7 @@ def weights(tmp_path: Path) -> Path:
     return folder
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_all_conditions_run_and_go_on_where_they_stopped(tmp_path: Path, weights: Path) -> None:
     options = Options(tmp_path / "out", (TASK,), seed=3, weights=weights, workers=1)
     told: list[str] = []

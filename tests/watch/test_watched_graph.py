@@ -82,7 +82,7 @@ def with_deep_queues(bag: Bag) -> Bag:
     return replace(bag, topics=tuple(topics))
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_friction_is_told_on_diagnostics(listener: Listener, tmp_path: Path) -> None:
     (rubbing,) = world(1, "A", coulomb={JOINTS.index("lift"): 0.8})
     bag = write_recording(rubbing, tmp_path / "bag")

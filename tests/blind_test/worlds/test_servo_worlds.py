@@ -46,7 +46,7 @@ def test_a_plan_has_every_family_and_every_drive_and_follows_its_seed() -> None:
         ServoSettings(single=0, none=0, outside=0, double=0)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_stand_in_repeats_itself() -> None:
     first, second = make_servo_world(_item("coulomb_friction")), make_servo_world(_item("coulomb_friction"))
     assert first.label == second.label and first.urdf == second.urdf and first.mapping == second.mapping

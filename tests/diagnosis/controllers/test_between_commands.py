@@ -87,7 +87,7 @@ def test_nothing_is_wrong_with_a_servo_as_described(goal_hz: float, log_hz: floa
     assert found.verdict == "no_gap", (found.effects, found.reasons)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.parametrize(("goal_hz", "log_hz"), [(100.0, 100.0), (50.0, 200.0)])
 def test_goals_that_are_held_and_late_too_are_called_late(goal_hz: float, log_hz: float) -> None:
     found = diagnosed(goal_hz, log_hz, True, 0.03)

@@ -61,7 +61,7 @@ def test_differences_are_named_with_their_size(kind: str) -> None:
         assert found.gap is not None and found.gap.shrink is not None and found.gap.shrink > 0.3, told
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_higher_supply_is_no_payload() -> None:
     """Ten numbers of a payload meet the torque of one mechanism a little better; the motion denies them."""
     (supplied,) = worlds(MACHINES["voltage_servo"], [Differs(supply=0.15)], 1)
@@ -70,7 +70,7 @@ def test_a_higher_supply_is_no_payload() -> None:
     assert "more of the torque; simulated motion" in " ".join(found.reasons)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_servo_without_a_recorded_torque() -> None:
     """The law stands for it: nothing where nothing is, and a dead band where one is."""
     nominal, banded = worlds(MACHINES["position_servo"], [Differs(), Differs(dead_band=0.01)], 2, 6.0)

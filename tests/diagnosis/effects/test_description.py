@@ -38,7 +38,7 @@ def test_columns_under_each_others_names_are_named() -> None:
     assert found.gap is not None and found.gap.shrink is not None and found.gap.shrink > 0.6
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_torques_in_another_unit_are_named() -> None:
     def in_kgf(signal: JointSignal | None) -> JointSignal:
         assert signal is not None and signal.effort is not None

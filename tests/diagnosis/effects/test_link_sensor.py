@@ -30,7 +30,7 @@ def test_a_sensors_gain_is_named() -> None:
     assert gain.ci95[0] <= 0.08 <= gain.ci95[1] and gain.value == pytest.approx(0.08, rel=0.15)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_payload_is_no_sensors_error() -> None:
     found = diagnosed(6, payload=PAYLOAD)
     assert found.verdict == "effect", found.reasons

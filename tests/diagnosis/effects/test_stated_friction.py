@@ -61,7 +61,7 @@ def test_simulated_friction_is_the_stated_and_the_plants_own() -> None:
     assert not np.allclose(half.position, worlds.rollout(PlantParameters(), "A", 2.0).position, atol=1e-5)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_model_that_states_the_friction_has_no_gap() -> None:
     a, b, c = described(worlds.world(3, **TRUTH), stated(0.8, 0.5))
     diagnosis, _ = diagnose([a, b], [c])

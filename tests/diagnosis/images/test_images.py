@@ -82,7 +82,7 @@ def test_nothing_is_named_in_a_nominal_cell(recordings: list[ImageRecording]) ->
     assert found.verdict == "no_gap", [e.name for e in found.effects]
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_fitted_hand_eye_corrects_the_calibration(recordings: list[ImageRecording]) -> None:
     """What `--apply` writes lies nearer to the camera than what was stated."""
     true = recordings[0].camera_in_flange

@@ -48,13 +48,8 @@ def test_light_and_paint_are_tolerated_as_far_as_typical_cells_differ() -> None:
     assert stated.tint == pytest.approx(np.sqrt(3.0) * np.std([c.look.light_warmth for c in cells]), rel=0.15)
 
 
-@pytest.mark.parametrize(
-    ("gain", "verdict"),
-    [
-        pytest.param(0.4, "effect", marks=pytest.mark.thorough),
-        pytest.param(0.87, "no_gap", marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("gain", "verdict"), [(0.4, "effect"), (0.87, "no_gap")])
 def test_an_exposure_darkens_object_and_table_alike(
     recordings: list[ImageRecording], gain: float, verdict: str
 ) -> None:

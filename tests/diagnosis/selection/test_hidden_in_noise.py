@@ -26,7 +26,7 @@ def world() -> list[ArmRecording]:
     return worlds.world(1, coulomb={LIFT: 0.8})
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_what_stands_out_is_named_and_what_does_not_is_no_gap(monkeypatch: pytest.MonkeyPatch) -> None:
     a, b, c = world()
     shown, _ = diagnose([a, b], [c], FRICTION)

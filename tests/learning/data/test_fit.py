@@ -53,7 +53,7 @@ def same_end(folder: Path, whole: Path) -> None:
     assert (folder / LOG).read_text() == (whole / LOG).read_text()
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_an_actor_learns_where_the_spot_is(tmp_path: Path) -> None:
     seen = []
     settings = replace(tiny.SETTINGS, epochs=12)
@@ -80,7 +80,7 @@ def test_a_q_learns_which_actions_succeed(tmp_path: Path, loss: str) -> None:
     assert float((right == (batch["return_"] > 0.5)).float().mean()) > 0.9
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_killed_in_the_middle_it_ends_the_same(tmp_path: Path, whole: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
     process = subprocess.Popen([sys.executable, tiny.__file__, str(tmp_path), "0.3"], env=environment)

@@ -35,7 +35,7 @@ def test_the_pages_learner_keeps_to_the_protocol(registered: list[str]) -> None:
     hold_to_the_protocol("mean_of_successes")
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_the_pages_learner_trains_and_is_evaluated_as_td3_is(registered: list[str], tmp_path: Path) -> None:
     """On a peg whose hole lies 2.2 mm aside: a constant residual helps."""
     names = {

@@ -88,7 +88,7 @@ def test_a_fit_that_does_not_cover_its_image_paints_no_face(model: Model) -> Non
     np.testing.assert_array_equal(after.color_variance, known.color_variance)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_pancake_that_slid_meanwhile_is_found_where_it_lies() -> None:
     """One image tells it, and puts none of the way down to the camera."""
     drawn = instance_named("typical:0", CELL)

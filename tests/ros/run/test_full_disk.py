@@ -29,7 +29,7 @@ ls -A '{disk}/run' > '{kept}/files'
 
 
 @pytest.mark.skipif(not can_hide(), reason="this system gives no mount name space")
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_full_disk_ends_the_run_with_a_summary(tmp_path: Path) -> None:
     from samrl_ros.bags.reader import open_bag
 

@@ -3,7 +3,9 @@
 A segmenter's boundary is a pixel off, here outwards and there inwards, and over a length of several pixels
 the same way: the middle of a thread's mask lies a pixel beside the thread. Colours are not. Each pixel is
 taken for a mix of one of the part's colours and one of those around it, the pair that explains it best
-(sampling-based matting: Wang and Cohen 2007, "Optimized color sampling for robust matting").
+(sampling-based matting: Wang and Cohen 2007, "Optimized color sampling for robust matting"). Boundaries that
+lie inwards leave some pixels of a thread here and there, and miss its end: such a mask is followed along its
+colours.
 """
 
 from __future__ import annotations
@@ -27,6 +29,10 @@ class CoverageSettings:
     unexplained: float = 0.12  # a mix farther from a pixel's colour than this says nothing, 0..1
     distance: float = 0.003  # colour difference that counts as much as a pixel of distance, 0..1
     most_samples: tuple[int, int] = (24, 160)  # of the part, and of what lies around
+    # A thin part's mask with fewer pixels per row of its extent has holes, and may end before the part does.
+    sparse: float = 1.25
+    rounds: int = 8  # of growing such a mask along its colours, `reach` at a time
+    own_around: float = 0.1  # share of what lies around such a mask that may be the part itself
 
 
 def coverage(
@@ -50,7 +56,29 @@ def coverage(
     """
     if color.shape != (*mask.shape, 3) or mask.dtype != np.bool_:
         raise InputError(f"colour {color.shape} and mask {mask.shape} {mask.dtype} must be of one image")
-    s, found = settings or CoverageSettings(), mask.astype(np.float64)
+    s = settings or CoverageSettings()
+    if not (thin and _is_sparse(mask, s.sparse)):
+        return _shares(color, mask, thin, taken, s, 0.0)
+    free = np.ones_like(mask) if taken is None else ~taken
+    found = _shares(color, mask, thin, taken, s, s.own_around)
+    for _ in range(s.rounds):
+        more = mask | ((found > 0.5) & free)
+        if np.array_equal(more, mask):
+            break
+        mask, found = more, _shares(color, more, thin, taken, s, s.own_around)
+    return found
+
+
+def _shares(
+    color: np.ndarray,
+    mask: np.ndarray,
+    thin: bool,
+    taken: np.ndarray | None,
+    s: CoverageSettings,
+    own_around: float,
+) -> np.ndarray:
+    """`coverage` by one mask; so large a share of what lies around it may have the part's colours."""
+    found = mask.astype(np.float64)
     asked = _grown(mask, s.reach)
     around = _grown(asked, s.around) & ~_grown(asked, 1)
     if not (mask.any() and around.any()):
@@ -61,7 +89,8 @@ def coverage(
         inner = eroded(mask)
     inner = inner if inner.any() else mask
     part, other = np.argwhere(inner), np.argwhere(around)
-    contrast = np.sqrt(_squared(color[tuple(part.T)], color[tuple(other.T)])).min(axis=1)
+    contrast = np.sqrt(_squared(color[tuple(part.T)], color[tuple(other.T)]))
+    contrast = np.quantile(contrast, own_around, axis=1) if own_around else contrast.min(axis=1)
     if thin:
         part = part[contrast >= s.salient * np.quantile(contrast, 0.9)]
         # What is missing from the mask lies around it, and is none of what is around the part.
@@ -91,6 +120,14 @@ def coverage(
     explained = left.reshape(len(places), -1)[rows, best] < s.unexplained**2
     found[tuple(places[explained].T)] = share.reshape(len(places), -1)[rows, best][explained]
     return found
+
+
+def _is_sparse(mask: np.ndarray, least: float) -> bool:
+    """Whether a mask has fewer than `least` pixels for each row, or column, that it reaches over."""
+    if not mask.any():
+        return False
+    extent = max(int(np.ptp(at)) + 1 for at in np.nonzero(mask))
+    return float(mask.sum()) < least * extent
 
 
 def _grown(mask: np.ndarray, pixels: int) -> np.ndarray:

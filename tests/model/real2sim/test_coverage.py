@@ -39,6 +39,16 @@ def test_a_line_lies_where_its_colour_is_though_its_mask_lies_beside(aside: int)
     assert found[:6].max() < 0.2 and found[-6:].max() < 0.2  # it ends where the colour ends
 
 
+def test_a_line_whose_mask_has_holes_and_ends_early_is_followed_to_its_end() -> None:
+    """A segmenter whose boundaries lie inwards leaves some pixels of a thread, and none of its last rows."""
+    share = upright_line(20.3)
+    mask = (share > 0.6) & (np.arange(40)[:, None] < 22)
+    mask[11:15] = mask[17:20] = False
+    found = coverage(photographed(share), mask, thin=True)
+    np.testing.assert_allclose(found[8:-8].sum(axis=1), 1.3, atol=0.25)
+    assert found[:6].max() < 0.2 and found[-6:].max() < 0.2
+
+
 def test_a_wide_part_of_two_colours_is_found_within_a_mask_that_is_too_large() -> None:
     share = np.zeros((40, 40))
     share[15:25, 15:25] = 1.0

@@ -196,7 +196,9 @@ class PartFit:
                     self._leave(one, start, values, known, colors)
                     part = self._model.parts[one.number]
                     own = part.parameters[part.own]
-                    doubt[own] = self._parts.doubt * self._scale[own]
+                    # Colours and points alone led it here: along the view it is no more than a place to go on
+                    # from, and a belief as narrow as before would keep it there.
+                    doubt[own] = np.hypot(self._parts.doubt * self._scale[own], values[own] - start[own])
             used = good
         camera = np.array([p.kind == "camera" for p in self._model.task.parameters()])
         values[camera] = start[camera]

@@ -17,7 +17,7 @@ from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.model.model import Model
 from samrl_core.model.real2sim.part_fit import PartSettings, seen_parts
 from samrl_core.model.real2sim.prediction import CameraErrors, seen_from_elsewhere
-from samrl_core.model.real2sim.real2sim import Estimate, Real2Sim, initial_estimate
+from samrl_core.model.real2sim.real2sim import Estimate, Real2Sim, Real2SimSettings, initial_estimate
 from samrl_core.model.real2sim.target_renderer import TargetRenderer
 from samrl_core.model.real2sim.thread_line import LineEquations, LineNoise, line_equations
 from samrl_core.studies.episodes.cell_driver import CellDriver
@@ -216,3 +216,16 @@ def test_a_thread_whose_label_is_elsewhere_is_doubted(bench: Bench) -> None:
     after = Real2Sim(bench.model).update(known, replace(seen, frame=replace(seen.frame, mask=mask)))
     assert not after.converged
     assert np.diag(after.covariance)[:20].min() > 1e-4
+
+
+def test_a_thread_that_came_nearer_without_fitting_is_known_no_better_than_it_was_moved(bench: Bench) -> None:
+    """Colours and points leave the way along the view open: how far they moved it is in doubt."""
+    seen, known = bench.observe(3), initial_estimate(bench.model)
+    known = replace(known, covariance=0.02 * known.covariance)
+    # No part ever fits, and what is added for that alone is little.
+    strict = Real2SimSettings(parts=PartSettings(least_overlap=1.01, doubt=0.02))
+    after = Real2Sim(bench.model, strict).update(known, seen)
+    angles = slice(0, 2 * TASK.links)
+    moved = np.abs(after.values - known.values)[angles]
+    assert not after.converged and moved.max() > 0.01
+    assert (moved < 1.01 * np.sqrt(np.diag(after.covariance)[angles])).all()

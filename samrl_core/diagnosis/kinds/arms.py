@@ -20,6 +20,7 @@ from samrl_core.diagnosis.recordings import split
 from samrl_core.diagnosis.recordings.in_common import in_common
 from samrl_core.diagnosis.recordings.velocity_lag import set_apart
 from samrl_core.diagnosis.residuals.control_law import infers_speed
+from samrl_core.diagnosis.residuals.field_time import with_field_time
 from samrl_core.diagnosis.residuals.law_velocity import with_law_velocity
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
@@ -84,7 +85,8 @@ class Arms(Kind[ArmRecording]):
                     f" {FAST_HZ:.0f} Hz or more, or move slower"
                 )
         fitted, others = ([r for r in part if forms_dynamics(r) == wanted] for part in (fit, held_out))
-        return fitted, others, notes
+        fitted, others, late = with_field_time(fitted, others)
+        return fitted, others, [*notes, *late]
 
     def trials(
         self, fit: Sequence[ArmRecording], held_out: Sequence[ArmRecording]

@@ -1,0 +1,137 @@
+"""When a stepper's field turned: its angle runs so fast that what stamps may be off by is no small part.
+
+Between two poles of a belt axis at 0.75 m/s lie 0.5 ms. Stamps are tolerated within half a sample, as a
+torque in proportion to the shift; a field that was read 0.2 ms early is a radian off, and its torque a sine
+of that. So the shift is looked for first, the one that counts is taken from the command's stamps, and the
+tolerance is that of what is left (Gauss-Newton: a nuisance parameter is linearised where it lies).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
+from samrl_core.diagnosis.residuals.basis_functions import smooth_sign
+from samrl_core.diagnosis.residuals.equations import NOMINAL_SIGN, form_equations
+from samrl_core.diagnosis.residuals.motion import RecordedMotion
+from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
+
+STRAIGHT = 0.3  # [rad] of the field: up to here a shift's torque is in proportion to it, within 2 %
+FAR = 1.5  # [rad] likewise: from here on a difference over the whole tolerance says nothing of a torque
+COARSE, FINE = 41, 9  # shifts within the tolerance, and between two of them
+CLEAR = 50.0  # [nat] that a shift must explain: friction and a stiff field are near twins
+FAST = 95.0  # percentile of speeds that counts as fast
+
+
+def with_field_time(
+    fit: Sequence[ArmRecording], held_out: Sequence[ArmRecording]
+) -> tuple[list[ArmRecording], list[ArmRecording], list[str]]:
+    """Recordings whose commands are stamped when a stepper's field was there, and what was done.
+
+    One shift for all, from the fitted ones alone, within what stamps are tolerated; none where it is in
+    doubt, or so small that its torque is in proportion to it, nor where no field is fast.
+
+    Args:
+        fit: recordings of one arm.
+        held_out: of the same arm.
+    """
+    fields = [field for field in map(_field, fit) if field is not None]
+    if not fields:
+        return list(fit), list(held_out), []
+    most = max(field.tolerance_s for field in fields)
+    if max(field.turned(most) for field in fields) <= FAR:
+        return list(fit), list(held_out), []
+    shifts = np.linspace(-most, most, COARSE)
+    coarse = _best(fields, shifts)
+    step = shifts[1] - shifts[0]
+    shift = _best(fields, np.clip(coarse + step * np.linspace(-1.0, 1.0, FINE), -most, most))
+    gain = _log_likelihood(fields, shift) - _log_likelihood(fields, 0.0)
+    if gain < CLEAR or max(field.turned(abs(shift)) for field in fields) <= STRAIGHT:
+        return list(fit), list(held_out), []
+    note = (
+        f"the stepper's field follows the logged command by {1e3 * shift:+.2f} ms, within the"
+        f" {1e3 * most:.2g} ms that stamps may be off by: the command is taken so much later"
+    )
+    return [_later(r, shift) for r in fit], [_later(r, shift) for r in held_out], [note]
+
+
+def straight_time(motion: RecordedMotion, most: float) -> float:
+    """Shift [s] over which a torque is differenced: `most`, or what keeps a fast field in proportion."""
+    fastest = _field_speed(motion)
+    return most if fastest * most <= FAR else STRAIGHT / fastest
+
+
+def _field_speed(motion: RecordedMotion) -> float:
+    """How fast the fastest field turns [rad/s]; 0 without one."""
+    if motion.controller is None:
+        return 0.0
+    pitch = motion.controller.law.of_joints("pole_pitch", motion.joints)
+    return float(np.max(pitch * np.percentile(np.abs(motion.full_velocity), FAST, axis=0)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Field:
+    """A recording of joints that a field turns."""
+
+    motion: RecordedMotion
+    residual: np.ndarray  # (N, J) of the dynamics, with the command as stamped
+    otherwise: tuple[np.ndarray, ...]  # (N, J) friction, which shall not pass for a shift
+    driven: np.ndarray  # joints
+    tolerance_s: float
+
+    def turned(self, shift: float) -> float:
+        """Angle [rad] by which a shift [s] is off at speed."""
+        return abs(shift) * _field_speed(self.motion)
+
+    def log_likelihood(self, shift: float) -> float:
+        """Of what stays at a shift, with a noise level of its own for each joint (profile likelihood)."""
+        total = 0.0
+        left = self.residual - self.motion.reduce(self.motion.law_change(_delayed(self.motion, shift)))
+        for j in self.driven:
+            columns = np.stack([np.ones(len(left)), *(x[:, j] for x in self.otherwise)], axis=1)
+            columns = columns / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
+            rest = left[:, j] - columns @ np.linalg.lstsq(columns, left[:, j], rcond=1e-9)[0]
+            total -= 0.5 * len(rest) * float(np.log(np.mean(rest**2) + 1e-300))
+        return total
+
+
+def _field(recording: ArmRecording) -> _Field | None:
+    controller = recording.arm.controller
+    if controller is None or recording.arm.urdf is None or recording.command is None:
+        return None
+    driven = np.flatnonzero(controller.law.of_joints("pole_pitch", len(recording.arm.joints)))
+    if not len(driven):
+        return None
+    motion = RecordedMotion(recording, RigidArm(recording.arm))
+    if not motion.computed or motion.command is None:
+        return None
+    residual = form_equations(motion).residual["dynamics"]
+    speed = motion.sure_velocity
+    rubs = (speed, smooth_sign(speed, NOMINAL_SIGN))
+    tolerated = max(recording.arm.tolerances.stamp, 0.5 / motion.rate)
+    return _Field(motion, residual, tuple(motion.reduce(x) for x in rubs), driven, tolerated)
+
+
+def _best(fields: Sequence[_Field], shifts: np.ndarray) -> float:
+    return float(shifts[np.argmax([_log_likelihood(fields, float(s)) for s in shifts])])
+
+
+def _log_likelihood(fields: Sequence[_Field], shift: float) -> float:
+    return sum(field.log_likelihood(shift) for field in fields)
+
+
+def _delayed(motion: RecordedMotion, shift: float) -> JointSignal:
+    command = motion.command
+    assert command is not None
+    parts = (command.position, command.velocity, command.effort)
+    position, velocity, effort = (None if part is None else motion.delayed(part, shift) for part in parts)
+    return replace(command, position=position, velocity=velocity, effort=effort)
+
+
+def _later(recording: ArmRecording, shift: float) -> ArmRecording:
+    command = recording.command
+    assert command is not None
+    return replace(recording, command=replace(command, time=command.time + shift))

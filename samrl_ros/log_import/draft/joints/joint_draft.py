@@ -21,8 +21,10 @@ from samrl_ros.log_import.draft.joints.arm_messages import (
 )
 from samrl_ros.log_import.draft.joints.channels import add_command, add_effort, add_velocity
 from samrl_ros.log_import.draft.joints.named_blocks import (
+    as_input_and_output,
     asked_of_still,
     by_one_unit,
+    is_output,
     label_by_name,
     nothing_measured,
     without_relative,
@@ -108,7 +110,7 @@ def draft_mapping(
     found = [
         NamedBlock(part, block, _meaning(part, block, several)) for part in parts for block in part.blocks
     ]
-    found = without_relative(without_tool(found, draft), draft)
+    found = as_input_and_output(without_relative(without_tool(found, draft), draft))
     position = _measured_position(found, joints, draft)
     order = _joints(position, joints, urdf, draft)
     found = [label_by_name(each, order) for each in found]
@@ -249,6 +251,8 @@ def _measured_position(found: list[NamedBlock], joints: Sequence[str], draft: Dr
         if c.meaning.quantity == "position" and not c.meaning.commanded and not c.meaning.computed
     ]
     reason = "the name says position"
+    if wanted and all(is_output(c) and meaning(c.block.stem).quantity == "" for c in wanted):
+        reason = "named as a system's output is, with an input `u` beside it"
     if not wanted:  # LeRobot's observation.state, q, or a number alone
         wanted = [c for c in found if not c.meaning.quantity and c.meaning.measured]
         reason = "the name says a measured state"

@@ -40,6 +40,33 @@ def without_relative(found: list[NamedBlock], draft: Draft) -> list[NamedBlock]:
     return [each for each in found if each.block.stem != _RELATIVE]
 
 
+def as_input_and_output(found: list[NamedBlock]) -> list[NamedBlock]:
+    """Input `u` and output `y` of system identification, as benchmarks name them: efforts and positions.
+
+    Where no name says position, and both have as many columns; `y_ref` is what the output should have been.
+    """
+    if any(each.meaning.quantity == "position" and not each.meaning.commanded for each in found):
+        return found
+    read = [each for each in found if is_output(each) and not each.meaning.commanded]
+    inputs = [each for each in found if words_in(each.block.stem)[:1] == ["u"]]
+    sizes = {len(each.block.labels) for each in read} & {len(each.block.labels) for each in inputs}
+    out = []
+    for each in found:
+        told = each.meaning
+        if len(each.block.labels) in sizes and not told.quantity:
+            if is_output(each):
+                told = replace(told, quantity="position")
+            elif each in inputs:
+                told = replace(told, quantity="effort", commanded=False)
+        out.append(each if told is each.meaning else replace(each, meaning=told))
+    return out
+
+
+def is_output(each: NamedBlock) -> bool:
+    """Whether a block is called as the output of a system is."""
+    return words_in(each.block.stem)[:1] == ["y"]
+
+
 def by_one_unit(
     best: NamedBlock, rivals: Sequence[NamedBlock], draft: Draft
 ) -> tuple[NamedBlock, list[NamedBlock]]:

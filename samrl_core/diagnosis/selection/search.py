@@ -62,13 +62,22 @@ def best_singles(evidence: Evidence, pool: Sequence[Hypothesis], everywhere: boo
 
 
 def _refined(evidence: Evidence, forms: Sequence[Fit], tried: int, searches: int) -> Fit:
-    """The best fit of a family at a place, the shapes of its best form searched."""
+    """The best fit of a family at a place: its best form searched, and another that comes near on the grid.
+
+    A grid favours the form that it happens to meet: halfway between its cut-offs a filter of first order has
+    less evidence than one of second order that is not there.
+    """
     first = _possible(evidence, _searched(evidence, forms[0], tried, searches))
-    if len(forms) > 1 and (on_bound(first.hypotheses[0]) or not np.isfinite(first.log_evidence)):
-        # Another form of the same family may say the same without its bound.
+    impossible = on_bound(first.hypotheses[0]) or not np.isfinite(first.log_evidence)
+    if len(forms) > 1 and (impossible or _comes_near(forms[1], forms[0])):
         second = _possible(evidence, _searched(evidence, forms[1], tried, searches))
         first = _inside_first(sorted([first, second], key=lambda f: -f.log_evidence))[0]
     return first
+
+
+def _comes_near(form: Fit, best: Fit) -> bool:
+    """Whether a search of its shapes may put a form before one that is better on the grid."""
+    return best.log_evidence > 0 and form.log_evidence > NEARLY * best.log_evidence
 
 
 def _searched(evidence: Evidence, fit: Fit, tried: int, searches: int) -> Fit:
@@ -224,7 +233,8 @@ def find_rivals(
         return [f for f in singles if f.hypotheses[0].name != chosen.hypotheses[0].name][:20]
     mine, *others = chosen.hypotheses
     best: dict[str, Fit] = {}
-    for h in pool:
+    # A grid may favour another form than the one whose shapes were searched.
+    for h in (*pool, *(f.hypotheses[0] for f in singles)):
         if h.name == mine.name or is_there(h, others):
             continue
         fit = evidence.fit([h, *others])

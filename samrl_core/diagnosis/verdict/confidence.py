@@ -20,11 +20,16 @@ REMAINDER_TO_FORMULA = 0.3  # the same per relative size of what the formula lea
 
 
 def probabilities(
-    fits: Sequence[Fit], remaining: float = 0.0, tied: Collection[int] = (), denied: Collection[int] = ()
+    fits: Sequence[Fit],
+    remaining: float = 0.0,
+    tied: Collection[int] = (),
+    denied: Collection[int] = (),
+    told: Collection[int] = (),
 ) -> np.ndarray:
     """Probability of each rival set, tempered; those of `tied` indices are as probable as the first.
 
-    Those of `denied` indices have none.
+    Those of `denied` indices have none. Formulas are not exact, so that a tie is relative to all that they
+    explain; not with those of `told` indices, which recordings tell from the first (`find_told_apart`).
 
     `remaining` [nat] is what the best of them leaves unexplained: formulas that are wrong by so much are not
     told apart by less.
@@ -33,10 +38,13 @@ def probabilities(
     # What the exchanged member itself adds, where several effects were named.
     there = evidence[np.isfinite(evidence)]  # a rival that is impossible here has none
     adds = float(np.max(there) - np.min(there)) if len(fits[0].hypotheses) > 1 else float(np.max(there))
-    temperature = max(TEMPERATURE, RELATIVE_TEMPERATURE * adds, REMAINDER_TEMPERATURE * remaining)
+    least = max(TEMPERATURE, REMAINDER_TEMPERATURE * remaining)
+    temperature = max(least, RELATIVE_TEMPERATURE * adds)
     evidence[list(tied)] = evidence[0]
     evidence[list(denied)] = -np.inf
     weights = np.exp((evidence - np.max(evidence)) / temperature)
+    for i in told:
+        weights[i] = weights[0] * np.exp((evidence[i] - evidence[0]) / least)
     return weights / np.sum(weights)
 
 

@@ -21,6 +21,7 @@ from samrl_core.diagnosis.selection.twins import find_twins
 from samrl_core.diagnosis.verdict import rules
 from samrl_core.diagnosis.verdict.confidence import estimates, probabilities
 from samrl_core.diagnosis.verdict.confirmation import not_confirmed, nothing_confirms
+from samrl_core.diagnosis.verdict.encompassing import find_told_apart, why_tied
 from samrl_core.diagnosis.verdict.foretelling import find_as_foretelling, is_denied_there
 from samrl_core.diagnosis.verdict.further_members import find_superfluous
 from samrl_core.diagnosis.verdict.how_far import HowFar, how_far
@@ -108,7 +109,10 @@ class Judge:
         if chosen is not None:
             self.progress("how sure")
             twins, rivals, denied = _rivals(evidence, held, selection, chosen)
-            p = probabilities([chosen, *rivals], selection.remaining, range(1, len(twins) + 1), denied)
+            tied = range(1, len(twins) + 1)
+            apart = find_told_apart(likelihood, held, selection)
+            told = [i for i, r in enumerate(rivals, 1) if i not in tied and any(r is a for a in apart)]
+            p = probabilities([chosen, *rivals], selection.remaining, tied, denied, told)
             named = tuple(
                 _named(evidence, chosen, i, float(p[0]), "primary" if i == 0 else "secondary", rng)
                 for i in range(len(chosen.hypotheses))
@@ -133,7 +137,8 @@ class Judge:
             outcome = not_confirmed(selection, named[0], runner_ups)
             named, runner_ups = _as_open(named, runner_ups, outcome.tied)
         if outcome.verdict in ("effect", "ambiguous"):
-            outcome = replace(outcome, reasons=(*outcome.reasons, *open_forms))
+            why = [why_tied(likelihood, held, selection, rival) for rival in outcome.tied[:1]]
+            outcome = replace(outcome, reasons=(*outcome.reasons, *filter(None, why), *open_forms))
         contradicted = tuple(
             i for i, n in enumerate(named) if any(a.startswith((f"{n.name}:", f"{n.name} ")) for a in alarms)
         )

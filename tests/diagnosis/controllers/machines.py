@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from scipy.signal import lfilter
 
 from samrl_core.cell.types.arm_description import ArmDescription, Tolerances
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
@@ -40,6 +41,7 @@ class Differs:
     supply: float = 0.0  # of the voltage that a duty cycle stands for, relative
     proportional: float = 0.0  # of the position loop, relative
     delay: float = 0.0  # of the command [s]
+    cutoff: float = np.inf  # of a filter of first order on the command [Hz]
     tight: tuple[float, float, float] = (0.0, 1.0, 0.01)  # spots: friction [N m], order [1/rad], turn [rad/s]
 
 
@@ -162,7 +164,7 @@ def worlds(
     many = [d for d in differs for _ in paths]
     time = np.arange(round(seconds / STEP_S)) * STEP_S
     real = RealMachines(machine, many, rng)
-    late = [path(np.maximum(time - d.delay, 0.0)) for d in differs for path in paths]
+    late = [_filtered(path(np.maximum(time - d.delay, 0.0)), d.cutoff) for d in differs for path in paths]
     logged = real.run(np.stack(late, axis=1), rng)
     return [
         [
@@ -171,6 +173,14 @@ def worlds(
         ]
         for i in range(len(differs))
     ]
+
+
+def _filtered(goals: np.ndarray, cutoff: float) -> np.ndarray:
+    """Goals (steps,) behind a low-pass of first order, at rest on the first."""
+    if not np.isfinite(cutoff):
+        return goals
+    keep = float(np.exp(-2 * np.pi * cutoff * STEP_S))
+    return goals[0] + lfilter([1.0 - keep], [1.0, -keep], goals - goals[0])
 
 
 class RealMachines:

@@ -92,11 +92,18 @@ def rate_limited(x: np.ndarray, most: float) -> np.ndarray:
     return np.array(out)
 
 
-def low_passed(x: np.ndarray, cutoff: float, rate: float) -> np.ndarray:
-    """First-order causal low-pass (F, ...) by exact discretisation, started at rest on the first sample."""
-    a = np.exp(-2 * np.pi * cutoff / rate)
-    start = np.expand_dims(a * x[0], 0)
-    out, _ = signal.lfilter([1 - a], [1, -a], x, axis=0, zi=start)
+def low_passed(x: np.ndarray, cutoff: float, rate: float, ticks: int = 1) -> np.ndarray:
+    """First-order causal low-pass (F, ...) by exact discretisation, started at rest on the first sample.
+
+    A filter that runs `ticks` times per sample of the log has seen the signal on a straight line between the
+    samples; one that only saw the samples would be half a sample less late.
+    """
+    a = np.exp(-2 * np.pi * cutoff / (rate * ticks))
+    passed = a ** np.arange(ticks - 1, -1, -1) * (1 - a)  # of what each tick saw
+    newest = float(passed @ (np.arange(1, ticks + 1) / ticks))
+    kept = a**ticks
+    start = np.expand_dims((1 - newest) * x[0], 0)
+    out, _ = signal.lfilter([newest, 1 - kept - newest], [1, -kept], x, axis=0, zi=start)
     return np.asarray(out)
 
 

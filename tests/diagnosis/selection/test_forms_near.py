@@ -24,4 +24,4 @@ def test_a_filter_between_the_cut_offs_of_the_grid_is_of_its_own_order() -> None
     assert grid.hypotheses[0].form.name == "command second order"
     found = best_singles(evidence, pool)[0].hypotheses[0]
     assert found.form.name == "command"
-    assert found.shape["fc"] == pytest.approx(CUTOFF_HZ, rel=0.06)
+    assert found.shape["fc"] == pytest.approx(CUTOFF_HZ, rel=0.02)

@@ -42,10 +42,17 @@ class CommandLowPass(LateResponse):
 
 
 class FirstOrder(LateForm):
-    """A low-pass of first order."""
+    """A low-pass of first order; on a command it runs at the controller's period, within samples of a log."""
+
+    def _ticks(self, trial: Trial) -> int:
+        """Of the filter per sample."""
+        controller = trial.recording.arm.controller
+        if self.side != "command" or controller is None:
+            return 1
+        return max(1, round(1.0 / (trial.motion.rate * controller.period_s)))
 
     def late(self, trial: Trial, x: np.ndarray, shape: Shape) -> np.ndarray:
-        return low_passed(x, shape["fc"], trial.motion.rate)
+        return low_passed(x, shape["fc"], trial.motion.rate, self._ticks(trial))
 
     def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
         return {"fc": shape["fc"]}

@@ -262,6 +262,16 @@ def test_truth_is_read_as_length_and_place_of_the_needle() -> None:
     np.testing.assert_allclose(found, values, atol=1e-9)
 
 
+@pytest.mark.parametrize("level", ["typical", "careless"])
+def test_a_threads_length_is_within_its_bounds_whoever_set_up_the_cell(level: str) -> None:
+    """What is out of bounds no image can find: it goes into the thread's shape."""
+    task = threading()
+    made = [task.as_made(instance_named(f"{level}:{k}", CELL).parts) for k in range(60)]
+    share = np.array([one.link_length for one in made]) / task.link_length
+    length = next(p for p in task.parameters() if p.name == "thread_length")
+    assert length.lower < share.min() and share.max() < length.upper
+
+
 def test_a_wrong_number_of_values_names_what_is_expected() -> None:
     with pytest.raises(InputError, match="7 numbers of needle, length and camera"):
         threading().body_poses(np.zeros(20))

@@ -119,6 +119,8 @@ def draft_command(
     typer.echo(f"{out}: {sure} entries are sure, {len(drafted.questions)} ask")
     for question in drafted.questions:
         typer.echo(f"  {question}")
+    for each in drafted.would_tell:
+        typer.echo(f"  left out: {each}")
     folder = data_folder(drafted, logs[0])
     data = "" if folder.resolve() == out.parent.resolve() else f" --data {folder}"
     typer.echo(f"then: samrl diagnose --mapping {out}{data} --out report")

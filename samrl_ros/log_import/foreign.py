@@ -78,6 +78,7 @@ def read_runs(
     data = data_folder(draft, path)
     mapping = parse_mapping(as_yaml(draft), Path("the drafted mapping"))
     notes = [f"{guess.key}: {guess.reason}" for guess in draft.guesses]
+    notes += [f"left out: {each}" for each in draft.would_tell]
     recordings = []
     for spec in mapping.recordings:
         made = import_recording(spec, mapping, data)

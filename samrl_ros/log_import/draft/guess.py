@@ -58,6 +58,7 @@ class Draft:
     recordings: list[dict[str, Any]] = field(default_factory=list)
     guesses: list[Guess] = field(default_factory=list)
     unused: list[str] = field(default_factory=list)  # columns that went nowhere, and why
+    would_tell: list[str] = field(default_factory=list)  # of them what would tell more, and how to use it
 
     @property
     def kind(self) -> str:

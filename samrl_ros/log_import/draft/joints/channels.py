@@ -249,7 +249,8 @@ def add_effort(
         inputs += [c for c in currents if c.meaning.commanded and set(order) <= set(c.block.labels)]
         if inputs and "command" not in draft.channels:
             return add_motor_input(inputs[0], position, order, draft)
-    draft.unused += [say_how_used(each) for each in currents]
+    how_used = [say_how_used(each) for each in currents]
+    draft.unused += how_used
     behind = measured and _measure_behind_gears(measured[0], draft)
     link = effort is Effort.link or (effort is Effort.ask and bool(behind))
     if commanded := _add_commanded_effort(found, position, order, draft, leaves_gravity_out):
@@ -261,6 +262,7 @@ def add_effort(
             undriven = "command" not in draft.channels and effort is Effort.ask
             question = "what drives the joints, neither command nor effort? If nothing, say --effort passive"
             draft.note("channels.states.effort", "no efforts were found", question if undriven else "")
+            draft.would_tell += how_used
         return currents
     best = measured[0]
     source = "states"

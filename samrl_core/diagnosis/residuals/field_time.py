@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import Akima1DInterpolator
 
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.diagnosis.residuals.basis_functions import smooth_sign
@@ -22,7 +23,7 @@ from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 STRAIGHT = 0.3  # [rad] of the field: up to here a shift's torque is in proportion to it, within 2 %
 FAR = 1.5  # [rad] likewise: from here on a difference over the whole tolerance says nothing of a torque
 COARSE, FINE = 41, 9  # shifts within the tolerance, and between two of them
-CLEAR = 50.0  # [nat] that a shift must explain: friction and a stiff field are near twins
+CLEAR = 50.0  # [nat] that a shift must explain beyond friction, and friction beyond a shift
 FAST = 95.0  # percentile of speeds that counts as fast
 
 
@@ -44,12 +45,12 @@ def with_field_time(
     most = max(field.tolerance_s for field in fields)
     if max(field.turned(most) for field in fields) <= FAR:
         return list(fit), list(held_out), []
-    shifts = np.linspace(-most, most, COARSE)
-    coarse = _best(fields, shifts)
-    step = shifts[1] - shifts[0]
-    shift = _best(fields, np.clip(coarse + step * np.linspace(-1.0, 1.0, FINE), -most, most))
-    gain = _log_likelihood(fields, shift) - _log_likelihood(fields, 0.0)
-    if gain < CLEAR or max(field.turned(abs(shift)) for field in fields) <= STRAIGHT:
+    alone, rubbing = _best(fields, most, rubs=False), _best(fields, most, rubs=True)
+    # A straight piece of the sine is friction's twin: friction must earn its place beside a shift.
+    more = _log_likelihood(fields, rubbing, rubs=True) - _log_likelihood(fields, alone, rubs=False)
+    shift = rubbing if more >= CLEAR else alone
+    gain = _log_likelihood(fields, shift, rubs=more >= CLEAR) - _log_likelihood(fields, 0.0, rubs=True)
+    if gain < CLEAR or max(field.turned(shift) for field in fields) <= STRAIGHT:
         return list(fit), list(held_out), []
     note = (
         f"the stepper's field follows the logged command by {1e3 * shift:+.2f} ms, within the"
@@ -78,7 +79,7 @@ class _Field:
 
     motion: RecordedMotion
     residual: np.ndarray  # (N, J) of the dynamics, with the command as stamped
-    otherwise: tuple[np.ndarray, ...]  # (N, J) friction, which shall not pass for a shift
+    otherwise: tuple[np.ndarray, ...]  # (N, J) friction per unit
     driven: np.ndarray  # joints
     tolerance_s: float
 
@@ -86,12 +87,16 @@ class _Field:
         """Angle [rad] by which a shift [s] is off at speed."""
         return abs(shift) * _field_speed(self.motion)
 
-    def log_likelihood(self, shift: float) -> float:
-        """Of what stays at a shift, with a noise level of its own for each joint (profile likelihood)."""
+    def log_likelihood(self, shift: float, *, rubs: bool) -> float:
+        """Of what stays at a shift, with a noise level of its own for each joint (profile likelihood).
+
+        `rubs` takes off friction of any size.
+        """
         total = 0.0
         left = self.residual - self.motion.reduce(self.motion.law_change(_delayed(self.motion, shift)))
         for j in self.driven:
-            columns = np.stack([np.ones(len(left)), *(x[:, j] for x in self.otherwise)], axis=1)
+            others = [x[:, j] for x in self.otherwise] if rubs else []
+            columns = np.stack([np.ones(len(left)), *others], axis=1)
             columns = columns / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
             rest = left[:, j] - columns @ np.linalg.lstsq(columns, left[:, j], rcond=1e-9)[0]
             total -= 0.5 * len(rest) * float(np.log(np.mean(rest**2) + 1e-300))
@@ -115,12 +120,19 @@ def _field(recording: ArmRecording) -> _Field | None:
     return _Field(motion, residual, tuple(motion.reduce(x) for x in rubs), driven, tolerated)
 
 
-def _best(fields: Sequence[_Field], shifts: np.ndarray) -> float:
-    return float(shifts[np.argmax([_log_likelihood(fields, float(s)) for s in shifts])])
+def _best(fields: Sequence[_Field], most: float, *, rubs: bool) -> float:
+    """The likeliest shift [s] within `most`."""
+    coarse = np.linspace(-most, most, COARSE)
+    best, step = _likeliest(fields, coarse, rubs), coarse[1] - coarse[0]
+    return _likeliest(fields, np.clip(best + step * np.linspace(-1.0, 1.0, FINE), -most, most), rubs)
 
 
-def _log_likelihood(fields: Sequence[_Field], shift: float) -> float:
-    return sum(field.log_likelihood(shift) for field in fields)
+def _likeliest(fields: Sequence[_Field], shifts: np.ndarray, rubs: bool) -> float:
+    return float(shifts[np.argmax([_log_likelihood(fields, float(s), rubs=rubs) for s in shifts])])
+
+
+def _log_likelihood(fields: Sequence[_Field], shift: float, *, rubs: bool) -> float:
+    return sum(field.log_likelihood(shift, rubs=rubs) for field in fields)
 
 
 def _delayed(motion: RecordedMotion, shift: float) -> JointSignal:
@@ -132,6 +144,24 @@ def _delayed(motion: RecordedMotion, shift: float) -> JointSignal:
 
 
 def _later(recording: ArmRecording, shift: float) -> ArmRecording:
-    command = recording.command
-    assert command is not None
-    return replace(recording, command=replace(command, time=command.time + shift))
+    """At the same stamps, what was commanded `shift` before: stamps by themselves are taken for jitter.
+
+    Between two samples nobody knows on which microstep the command was: it is not rounded once more.
+    """
+    command, controller = recording.command, recording.arm.controller
+    assert command is not None and controller is not None
+    time = command.time
+
+    def before(values: np.ndarray | None) -> np.ndarray | None:
+        if values is None:
+            return None
+        # Accelerations bend a command by more microsteps between two samples than a line may miss.
+        return Akima1DInterpolator(time, values, axis=0)(np.clip(time - shift, time[0], time[-1]))
+
+    position, velocity, effort = map(before, (command.position, command.velocity, command.effort))
+    law = replace(controller.law, command_step=0.0)
+    return replace(
+        recording,
+        arm=replace(recording.arm, controller=replace(controller, law=law)),
+        command=replace(command, position=position, velocity=velocity, effort=effort),
+    )

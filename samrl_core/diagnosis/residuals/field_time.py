@@ -14,9 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import Akima1DInterpolator
 
-from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
+from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.diagnosis.residuals.basis_functions import smooth_sign
 from samrl_core.diagnosis.residuals.equations import NOMINAL_SIGN, form_equations
+from samrl_core.diagnosis.residuals.late_law import explained_log_likelihood, late_law_change
 from samrl_core.diagnosis.residuals.motion import RecordedMotion
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
@@ -92,15 +93,11 @@ class _Field:
 
         `rubs` takes off friction of any size.
         """
-        total = 0.0
-        left = self.residual - self.motion.reduce(self.motion.law_change(_delayed(self.motion, shift)))
-        for j in self.driven:
-            others = [x[:, j] for x in self.otherwise] if rubs else []
-            columns = np.stack([np.ones(len(left)), *others], axis=1)
-            columns = columns / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
-            rest = left[:, j] - columns @ np.linalg.lstsq(columns, left[:, j], rcond=1e-9)[0]
-            total -= 0.5 * len(rest) * float(np.log(np.mean(rest**2) + 1e-300))
-        return total
+        left = self.residual - self.motion.reduce(late_law_change(self.motion, shift))
+        offset, others = np.ones(len(left)), self.otherwise if rubs else ()
+        return sum(
+            explained_log_likelihood(left[:, j], [offset, *(x[:, j] for x in others)]) for j in self.driven
+        )
 
 
 def _field(recording: ArmRecording) -> _Field | None:
@@ -133,14 +130,6 @@ def _likeliest(fields: Sequence[_Field], shifts: np.ndarray, rubs: bool) -> floa
 
 def _log_likelihood(fields: Sequence[_Field], shift: float, *, rubs: bool) -> float:
     return sum(field.log_likelihood(shift, rubs=rubs) for field in fields)
-
-
-def _delayed(motion: RecordedMotion, shift: float) -> JointSignal:
-    command = motion.command
-    assert command is not None
-    parts = (command.position, command.velocity, command.effort)
-    position, velocity, effort = (None if part is None else motion.delayed(part, shift) for part in parts)
-    return replace(command, position=position, velocity=velocity, effort=effort)
 
 
 def _later(recording: ArmRecording, shift: float) -> ArmRecording:

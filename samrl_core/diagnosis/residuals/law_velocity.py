@@ -15,6 +15,7 @@ import numpy as np
 from samrl_core.cell.types.arm_description import ArmDescription
 from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.diagnosis.residuals.equations import form_equations
+from samrl_core.diagnosis.residuals.late_law import explained_log_likelihood, late_law_change
 from samrl_core.diagnosis.residuals.motion import RecordedMotion
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
@@ -80,16 +81,11 @@ def _explained(recording: ArmRecording) -> _Explained | None:
     else:
         return None
     law, step = motion.described_law, 1.0 / motion.rate
-    parts = (command.position, command.velocity, command.effort)
-    late = [None if part is None else motion.delayed(part, step) for part in parts]
-    delayed = motion.law_change(replace(command, position=late[0], velocity=late[1], effort=late[2]))
-    otherwise = [motion.reduce(x) for x in (law.spring, law.damper, delayed)]
+    otherwise = [motion.reduce(x) for x in (law.spring, law.damper, late_law_change(motion, step))]
     slow = np.linspace(-1.0, 1.0, len(left))
     total = 0.0
     for j in range(motion.joints):
-        columns = np.stack([np.ones_like(slow), slow, *(x[:, j] for x in otherwise)], axis=1)
-        columns = columns / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
-        rest = left[:, j] - columns @ np.linalg.lstsq(columns, left[:, j], rcond=1e-9)[0]
+        columns = [np.ones_like(slow), slow, *(x[:, j] for x in otherwise)]
         least = TINY * max(float(np.std(otherwise[0][:, j])), TINY)
-        total -= 0.5 * len(rest) * float(np.log(np.mean(rest**2) + least**2))
+        total += explained_log_likelihood(left[:, j], columns, least)
     return _Explained(total, what)

@@ -13,7 +13,6 @@ import numpy as np
 
 from samrl_core.cell.robots.joint_dynamics import joint_dynamics
 from samrl_core.cell.types.arm_description import Tolerances
-from samrl_core.cell.types.arm_recording import JointSignal
 from samrl_core.diagnosis.residuals.basis_functions import smooth_sign
 from samrl_core.diagnosis.residuals.control_law import WOUND
 from samrl_core.diagnosis.residuals.equations import (
@@ -24,6 +23,7 @@ from samrl_core.diagnosis.residuals.equations import (
     integrates,
 )
 from samrl_core.diagnosis.residuals.field_time import straight_time
+from samrl_core.diagnosis.residuals.late_law import late_law_change
 from samrl_core.diagnosis.residuals.motion import RecordedMotion
 from samrl_core.diagnosis.residuals.signal_noise import white_noise
 from samrl_core.diagnosis.residuals.trial import Trial, add
@@ -180,11 +180,8 @@ def _stamps(trial: Trial, tolerances: Tolerances) -> list[tuple[Columns, float]]
         assert controller is not None and command.position is not None and command.velocity is not None
         if controller.period_s > 1.5 / motion.rate:  # nobody knows when within a sample's time it thought
             stamp = max(stamp, 0.25 * controller.period_s)
-        parts = (command.position, command.velocity, command.effort)
         shift = straight_time(motion, stamp)
-        late = [None if part is None else motion.delayed(part, shift) for part in parts]
-        # Through the law, as a delay would pass: a pole's torque or a dead band is no straight spring.
-        rate = motion.law_change(JointSignal(command.time, late[0], late[1], None, late[2])) / shift
+        rate = late_law_change(motion, shift) / shift
         out.append((add(*(trial.controller(j, rate[None, :, j]) for j in range(trial.joints))), stamp))
         if trial.torque_lag > 0.0:
             grows = np.gradient(motion.smooth(motion.sure_torque), 1.0 / motion.rate, axis=0)

@@ -14,9 +14,8 @@ import numpy as np
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.selection.hypothesis import Fit
 from samrl_core.diagnosis.selection.selection import Selection, held_out_remainder
-from samrl_core.diagnosis.verdict.foretelling import TOLD
+from samrl_core.diagnosis.verdict.foretelling import MOST, TOLD
 
-MOST = 5  # rivals that are compared
 BESIDE = 0.2  # of the difference of two predictions, by which the truth may lie beside one of them
 SURELY = 2.0  # standard deviations
 MIDDLE = 0.5  # from here on the rival is nearer

@@ -6,6 +6,7 @@ where one was not heard of for long, the pose is left out. As in tf2 a child has
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -276,8 +277,7 @@ def _transforms(message: Any) -> Iterator[tuple[str, str, float, tuple[float, ..
 
 def _is_pose(numbers: tuple[float, ...]) -> bool:
     """Whether tf2 would take it."""
-    whole = bool(np.isfinite(numbers).all())
-    return whole and abs(float(np.linalg.norm(numbers[3:])) - 1.0) < _UNIT_LENGTH
+    return all(map(math.isfinite, numbers)) and abs(math.hypot(*numbers[3:]) - 1.0) < _UNIT_LENGTH
 
 
 def shorten(names: list[str]) -> str:

@@ -112,6 +112,7 @@ class Chain:
         )
         self.seen = rigid.transforms(recording.seen.position, recording.seen.quat_xyzw)
         self._flanges: dict[tuple[int, float], np.ndarray] = {}  # of the last shifts
+        self._from_target: tuple[Constants, np.ndarray] | None = None
 
     def flange(self, side: int, shift: float | np.ndarray = 0.0) -> np.ndarray:
         """Flange of the camera arm (0) or the tool arm (1) at the camera's stamps plus `shift` [s]."""
@@ -132,11 +133,20 @@ class Chain:
         camera = rigid.inverse(self.flange(0, shifts[0]) @ c.camera)
         return camera @ c.base @ self.flange(1, shifts[1]) @ c.target
 
-    def error_twists(self) -> Mapping[str, np.ndarray]:
+    def predicted_each(self, offsets: np.ndarray) -> np.ndarray:
+        """Target in camera (K, N, 4, 4), both arms read at the camera's stamps plus each offset (K,) [s]."""
+        c = self.constants
+        time = (self.time + offsets[:, None]).reshape(-1)
+        camera, tool = (
+            np.eye(4) if arm is None else arm.at(time).reshape(len(offsets), -1, 4, 4) for arm in self.arms
+        )
+        return np.asarray(rigid.inverse(camera @ c.camera) @ c.base @ tool @ c.target)
+
+    def error_twists(self, shifts: Sequence[float] = (0.0, 0.0)) -> Mapping[str, np.ndarray]:
         """Twists (6, N, 6) of the target in the camera per unit right twist of each constant in use."""
         c = self.constants
-        camera = rigid.inverse(self.flange(0) @ c.camera)
-        predicted = self.predicted()
+        camera = rigid.inverse(self.flange(0, shifts[0]) @ c.camera)
+        predicted = self.predicted(shifts)
         out = {
             "camera": np.broadcast_to(-np.eye(6), (len(predicted), 6, 6)),
             "base": rigid.adjoint(camera @ c.base),
@@ -146,7 +156,9 @@ class Chain:
 
     def shift_twist(self, shifts: Sequence[float | np.ndarray]) -> np.ndarray:
         """Twist (N, 6) that reading the arms at shifted stamps makes."""
-        return rigid.log(self.predicted(shifts) @ rigid.inverse(self.predicted()))
+        if self._from_target is None or self._from_target[0] is not self.constants:
+            self._from_target = self.constants, rigid.inverse(self.predicted())
+        return rigid.log(self.predicted(shifts) @ self._from_target[1])
 
     def rate(self, side: int, step: float) -> np.ndarray:
         """Twist (N, 6) per second by which one arm's reading moves the target in the camera."""

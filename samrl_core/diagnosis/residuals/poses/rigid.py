@@ -61,6 +61,28 @@ def log(matrix: np.ndarray) -> np.ndarray:
     return np.concatenate([(left @ matrix[:, :3, 3:])[..., 0], w], axis=1)
 
 
+def inverse_jacobian(twist: np.ndarray) -> np.ndarray:
+    """(N, 6, 6) by which log(exp(twist) exp(d)) grows with a small d (inverse right Jacobian).
+
+    The series of the adjoint of twists (N, 6), closed by its characteristic polynomial; Bullo and Murray
+    1995, Proportional derivative control on the Euclidean group.
+    """
+    twist = np.atleast_2d(twist)
+    angle = np.linalg.norm(twist[:, 3:], axis=1)
+    small = angle < 0.05
+    safe = np.where(small, 1.0, angle)
+    half = 0.5 * safe / np.tan(0.5 * safe)
+    alike = 0.5 * (0.5 * safe / np.sin(0.5 * safe)) ** 2
+    second = np.where(small, 1.0 / 12.0, (2.0 - 1.5 * half - alike) / safe**2)
+    fourth = np.where(small, -1.0 / 720.0, (1.0 - 0.5 * half - alike) / safe**4)
+    adjoint_of = np.zeros((len(twist), 6, 6))
+    adjoint_of[:, :3, :3] = adjoint_of[:, 3:, 3:] = skew(twist[:, 3:])
+    adjoint_of[:, :3, 3:] = skew(twist[:, :3])
+    squared = adjoint_of @ adjoint_of
+    series = second[:, None, None] * squared + fourth[:, None, None] * (squared @ squared)
+    return np.asarray(np.eye(6) + 0.5 * adjoint_of + series)
+
+
 def exp(twist: np.ndarray) -> np.ndarray:
     """Rigid transforms (N, 4, 4) of twists (N, 6)."""
     twist = np.atleast_2d(twist)

@@ -23,6 +23,7 @@ LENGTH_PER_RADIAN = 0.3  # [m] by which residuals of both kinds are made alike
 MOST_POSES = 400  # of a recording, that are solved with
 LONGEST_OFFSET_S = 2.0  # between clocks that is looked for
 FINE_OFFSET_S = 0.001
+RATE_STEP_S = 1e-4  # over which the twist per second of clock offset is taken
 AGREE_RAD = 0.05  # by which target and arm may turn otherwise between two views
 LEAST_AGREEING = 8  # views that agree, from which on the others are left out
 NEARLY_ALL = 0.9  # of the views: the few others are for the robust fit
@@ -142,17 +143,20 @@ def _turning_offset(chain: Chain) -> float:
         return between.magnitude()
 
     camera = turning(seen)
+    if float(np.std(camera)) < 1e-4:
+        return 0.0
     most = min(LONGEST_OFFSET_S, 0.2 * (grid[-1] - grid[0]))
-    tried = np.arange(-most, most + step, max(step, 0.01))
+    stamps = np.arange(grid[0] - most, grid[-1] + most + 2.0 * step, step)
+    turned = turning(arm.at(stamps))  # between a stamp and the next
+
+    def rough_mismatch(offset: float) -> float:
+        return float(np.mean((np.interp(grid[:-1] + offset, stamps[:-1], turned) - camera) ** 2))
 
     def mismatch(offset: float) -> float:
         return float(np.mean((turning(arm.at(grid + offset)) - camera) ** 2))
 
-    if float(np.std(camera)) < 1e-4:
-        return 0.0
-    best = min(tried, key=mismatch)
-    fine = np.arange(best - 0.012, best + 0.012, FINE_OFFSET_S)
-    return float(min(fine, key=mismatch))
+    best = min(np.arange(-most, most + step, max(step, 0.01)), key=rough_mismatch)
+    return float(min(np.arange(best - 0.012, best + 0.012, FINE_OFFSET_S), key=mismatch))
 
 
 def _closed_form(chains: Sequence[Chain], stated: Constants, offset: float) -> Constants:
@@ -219,7 +223,7 @@ def _refined(recordings: Sequence[PoseRecording], first: Constants, offset: floa
     free = sorted(first.free)
     chains = [Chain(_thinner(r), first) for r in recordings]
     timed = recordings[0].timed and track_rate(recordings[0].seen) > 2.0
-    seen = [c.seen for c in chains]
+    weight = np.array([1.0] * 3 + [LENGTH_PER_RADIAN] * 3)
 
     def constants(values: np.ndarray) -> Constants:
         moved = {name: getattr(first, name) for name in ("camera", "base", "target")}
@@ -227,17 +231,39 @@ def _refined(recordings: Sequence[PoseRecording], first: Constants, offset: floa
             moved[name] = moved[name] @ rigid.exp(values[6 * k : 6 * k + 6])[0]
         return Constants(**moved, free=first.free)
 
-    def residual(values: np.ndarray) -> np.ndarray:
-        shift = offset + (float(values[-1]) if timed else 0.0)
-        at, parts = constants(values), []
-        for chain, poses in zip(chains, seen, strict=True):
+    def moved_to(values: np.ndarray) -> float:
+        at = constants(values)
+        for chain in chains:
             chain.constants = at
-            twist = rigid.log(poses @ rigid.inverse(chain.predicted((shift, shift))))
-            parts.append((twist * ([1.0] * 3 + [LENGTH_PER_RADIAN] * 3)).reshape(-1))
+        return offset + (float(values[-1]) if timed else 0.0)
+
+    def twists(chain: Chain, shift: float) -> np.ndarray:
+        return rigid.log(chain.seen @ rigid.inverse(chain.predicted((shift, shift))))
+
+    def residual(values: np.ndarray) -> np.ndarray:
+        shift = moved_to(values)
+        return np.concatenate([(twists(chain, shift) * weight).reshape(-1) for chain in chains])
+
+    def jacobian(values: np.ndarray) -> np.ndarray:
+        shift = moved_to(values)
+        of_step = [
+            np.linalg.inv(rigid.inverse_jacobian(v)[0]) for v in values[: 6 * len(free)].reshape(-1, 6)
+        ]
+        parts = []
+        for chain in chains:
+            errors = chain.error_twists((shift, shift))
+            columns = [np.moveaxis(errors[name], 0, 2) @ of_step[k] for k, name in enumerate(free)]
+            if timed:
+                ahead, behind = (chain.predicted((s, s)) for s in (shift + RATE_STEP_S, shift - RATE_STEP_S))
+                columns.append(rigid.log(ahead @ rigid.inverse(behind))[..., None] / (2.0 * RATE_STEP_S))
+            of_error = -rigid.inverse_jacobian(twists(chain, shift)) @ np.concatenate(columns, axis=2)
+            parts.append((of_error * weight[:, None]).reshape(-1, len(values)))
         return np.concatenate(parts)
 
     start = np.zeros(6 * len(free) + (1 if timed else 0))
-    found = least_squares(residual, start, loss="soft_l1", f_scale=0.005, x_scale="jac", max_nfev=40)
+    found = least_squares(
+        residual, start, jacobian, loss="soft_l1", f_scale=0.005, x_scale="jac", max_nfev=40
+    )
     return constants(found.x)
 
 
@@ -261,9 +287,7 @@ def closing_error(recording: PoseRecording) -> float:
     chain = Chain(_thinner(recording), constants)
     longest = 0.2 * (chain.time[-1] - chain.time[0]) if recording.timed else 0.0
     tried = np.arange(-LONGEST_OFFSET_S, LONGEST_OFFSET_S, 0.02) if recording.timed else np.zeros(1)
-    left = np.inf
-    for offset in tried[np.abs(tried) <= longest]:
-        twist = rigid.log(chain.seen @ rigid.inverse(chain.predicted((offset, offset))))
-        size = np.linalg.norm(twist * ([1.0] * 3 + [LENGTH_PER_RADIAN] * 3), axis=1)
-        left = min(left, float(np.median(size)))
-    return left
+    apart = chain.seen @ rigid.inverse(chain.predicted_each(tried[np.abs(tried) <= longest]))
+    twist = rigid.log(apart.reshape(-1, 4, 4)) * ([1.0] * 3 + [LENGTH_PER_RADIAN] * 3)
+    sizes = np.linalg.norm(twist, axis=1).reshape(apart.shape[:2])
+    return float(np.median(sizes, axis=1).min())

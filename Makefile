@@ -44,6 +44,9 @@ INTERFACES := $(wildcard msgs_docs/*/msg/*.msg msgs_docs/*/srv/*.srv samrl_ros/i
 # `ros2 run` and the nodes look for packages here; a sourced ROS 2 workspace stays visible behind it.
 export AMENT_PREFIX_PATH := $(CURDIR)/$(VENV)$(if $(AMENT_PREFIX_PATH),:$(AMENT_PREFIX_PATH))
 
+# A test run starts some hundred processes: where images forbid bytecode, each compiles the same modules again.
+export PYTHONDONTWRITEBYTECODE :=
+
 .PHONY: setup cell test unit thorough live check slow fuzz faults soak bench bench-model docs clean
 .DELETE_ON_ERROR:
 

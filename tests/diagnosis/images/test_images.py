@@ -52,6 +52,7 @@ def test_columns_are_what_a_moved_camera_changes(recordings: list[ImageRecording
         assert np.corrcoef(a, b)[0, 1] > agreement, channel
 
 
+@pytest.mark.slow
 def test_a_nominal_cell_leaves_little(recordings: list[ImageRecording]) -> None:
     """Another renderer's images of the nominal cell, within a millimetre of depth and a pixel of outline."""
     (trial,) = prepared(recordings[:1], 1)

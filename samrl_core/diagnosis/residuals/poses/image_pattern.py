@@ -26,7 +26,7 @@ def find_image_pattern(trial: PoseTrial) -> str:
     By Fisher's test of the polynomial against a constant, channel by channel. Errors of a stream that last
     over neighbouring views follow a slow path through the image by chance: shifted in time, they do as well.
     """
-    left, _ = trial.left_in_noise()
+    left, _ = trial.left_in_noise
     kept = np.all(np.abs(left) < FAR_APART, axis=1)
     x, y, z = trial.seen_position[kept].T
     terms = _terms(x / z, y / z)

@@ -275,6 +275,7 @@ class PoseTrial(Observed):
             spread += [ZERO] * len(twists)
         return columns, spread
 
+    @cached_property
     def left_in_noise(self) -> tuple[np.ndarray, np.ndarray]:
         """What no constant, size, zero or clock of the chain explains, (N, 6), and their columns (K, N, 6).
 

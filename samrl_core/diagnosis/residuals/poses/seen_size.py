@@ -75,16 +75,10 @@ def best_size(described: Sequence[tuple[PoseRecording, float]]) -> tuple[SeenSiz
 
 def size_note(recording: PoseRecording) -> str:
     """What is said of a chain of which nothing is stated and that another size closes; empty of any other."""
-    if Constants.stated(recording).free != set(used_links(recording)):
-        return ""  # what is stated contradicts a wrong size, which is then diagnosed
-    try:
-        closes_m = closing_error(_scaled(recording, 1.0))
-    except InputError:
-        return ""
-    if (size := find_seen_size(recording, closes_m)) is None:
+    if (closed := _closed(recording)) is None or (size := closed[1]) is None:
         return ""
     return (
-        f"nothing is stated, and the chain stays open by {1e3 * closes_m:.1f} mm; it closes to"
+        f"nothing is stated, and the chain stays open by {1e3 * closed[0]:.1f} mm; it closes to"
         f" {1e3 * size.closes_m:.1f} mm with a target of {size.factor:.2f} times the size that its detector"
         " was told. Correct the poses that it gave: until then no gap means that they are rough"
     )
@@ -95,13 +89,9 @@ def find_opening(recording: PoseRecording) -> str:
 
     What no transform closes is in no residual: all of it looks like a detector's noise.
     """
-    if Constants.stated(recording).free != set(used_links(recording)):
+    if (closed := _closed(recording)) is None:
         return ""
-    try:
-        closes_m = closing_error(_scaled(recording, 1.0))
-    except InputError:
-        return ""
-    size = find_seen_size(recording, closes_m)
+    closes_m, size = closed
     limit_m = max(OPEN_M, STATED * recording.tolerances.detection_position)
     if size is None and closes_m < limit_m:
         return ""
@@ -115,6 +105,20 @@ def find_opening(recording: PoseRecording) -> str:
         f"{opening}, and by {1e3 * size.closes_m:.1f} mm with a target of {size.factor:.2f} times the size"
         " that its detector was told; correct the poses that it gave"
     )
+
+
+def _closed(recording: PoseRecording) -> tuple[float, SeenSize | None] | None:
+    """To what a chain closes [m], and the size that closes it better; None where anything is stated.
+
+    What is stated contradicts a wrong size, which is then diagnosed.
+    """
+    if Constants.stated(recording).free != set(used_links(recording)):
+        return None
+    try:
+        closes_m = closing_error(_scaled(recording, 1.0))
+    except InputError:
+        return None
+    return closes_m, find_seen_size(recording, closes_m)
 
 
 def _scaled(recording: PoseRecording, factor: float) -> PoseRecording:

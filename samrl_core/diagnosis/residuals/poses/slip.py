@@ -26,7 +26,7 @@ def find_slip(trial: PoseTrial) -> str:
     count = len(trial.seen_position)
     if count < 2 * LEAST_VIEWS:
         return ""
-    left, columns = trial.left_in_noise()
+    left, columns = trial.left_in_noise
     typical = 1.4826 * np.median(np.abs(left), axis=0)
     u, strength, _ = np.linalg.svd(columns.reshape(len(columns), -1).T, full_matrices=False)
     basis = u[:, strength > 1e-9 * strength[0]]

@@ -173,15 +173,17 @@ def _time(spec: TimeSpec | None, table: Table, count: int, where: str) -> np.nda
         return np.arange(count) / spec.rate_hz + spec.offset_s
     name, where = str(spec.column), f"{where}.column"
     scale = 1.0 / spec.rate_hz if spec.rate_hz is not None else factor("time", spec.unit, where)
-    values = table.times(name, where) if spec.iso else _numbers_of(table, name, where) * scale
+    values = table.times(name, where) if spec.iso else numbers_of_column(table, name, where) * scale
     if spec.nanoseconds is not None:
         values = values + 1e-9 * table.numbers(spec.nanoseconds, f"{where}.nanoseconds")
+    if spec.microseconds is not None:
+        values = values + 1e-6 * table.numbers(spec.microseconds, f"{where}.microseconds")
     if values.ndim != 1:
         raise InputError(f"{where}: {name!r} has shape {values.shape}, must be one number per sample")
     return values + spec.offset_s
 
 
-def _numbers_of(table: Table, name: str, where: str) -> np.ndarray:
+def numbers_of_column(table: Table, name: str, where: str) -> np.ndarray:
     """A column, or one of an array's such as `pose[0]`."""
     part = _ONE_OF_ARRAY.fullmatch(name)
     if name in table.columns or part is None:

@@ -94,6 +94,7 @@ class TimeSpec(Checked):
     unit: str = "s"
     iso: bool = False
     nanoseconds: Header | None = None  # a second column that is added, such as a ROS stamp's nanosec
+    microseconds: Header | None = None  # likewise, as ABB's EGM and C's timeval have it
     rate_hz: Positive | None = None  # without a column: of all rows
     offset_s: float = 0.0
     repeated: Literal["error", "drop"] = "error"
@@ -102,8 +103,11 @@ class TimeSpec(Checked):
     def _either(self) -> TimeSpec:
         if self.column is None and self.rate_hz is None:
             raise fault(" must have column or rate_hz; both where the column counts frames")
-        if self.rate_hz is not None and (self.iso or self.nanoseconds is not None or self.unit != "s"):
-            raise fault(" with rate_hz counts frames: leave unit, iso and nanoseconds out")
+        rests = [rest for rest in (self.nanoseconds, self.microseconds) if rest is not None]
+        if len(rests) > 1:
+            raise fault(" has nanoseconds and microseconds; the rest of a second is one of them")
+        if self.rate_hz is not None and (self.iso or rests or self.unit != "s"):
+            raise fault(" with rate_hz counts frames: leave unit, iso, nanoseconds and microseconds out")
         _known_unit("time", self.unit)
         return self
 

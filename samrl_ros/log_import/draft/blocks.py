@@ -56,6 +56,7 @@ class LogBlock:
     values: np.ndarray  # (N, J), rows with NaN left out
     rows: np.ndarray  # (M,) bool, which rows of the table these are
     transposed: bool = False  # whether the one column has a row per joint, as MATLAB's users store signals
+    first: int = 0  # column of the one array at which the block begins
 
     def ordered(self, labels: Sequence[str]) -> np.ndarray:
         """Values of these labels, in their order (N, len(labels))."""

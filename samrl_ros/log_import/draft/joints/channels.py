@@ -28,6 +28,7 @@ from samrl_ros.log_import.draft.joints.named_sources import (
     shares_rows,
 )
 from samrl_ros.log_import.draft.joints.told_by_model import with_minus
+from samrl_ros.log_import.draft.joints.unnamed_matrix import is_group
 
 # Arms with torque sensors behind the gears, by how their makers' packages name the joints.
 _LINK_SENSORS = ("panda_joint", "fr3_joint", "fer_joint", "iiwa_joint", "lbr_", "lbr_iiwa", "rizon", "gen3_")
@@ -290,7 +291,7 @@ def add_effort(
     is_open = effort is Effort.ask
     draft.note(
         "channels.commanded_effort.effort",
-        f"{name_of(best)}: the name says effort",
+        f"{name_of(best)}: {'what is left' if is_group(best) else 'the name says effort'}",
         asked_of_effort(best, position, may_be_currents) if is_open else unit_question,
         "" if is_open else "torque_unit",
     )

@@ -52,6 +52,7 @@ from samrl_ros.log_import.draft.joints.told_by_model import (
     told_by_model,
 )
 from samrl_ros.log_import.draft.joints.torque_switch import add_torque_switch
+from samrl_ros.log_import.draft.joints.unnamed_matrix import is_group, split_matrix
 from samrl_ros.log_import.draft.joints.unnamed_rate import rate_by_velocity
 from samrl_ros.log_import.draft.joints.whole_turns import (
     TURNS,
@@ -111,6 +112,7 @@ def draft_mapping(
         NamedBlock(part, block, _meaning(part, block, several)) for part in parts for block in part.blocks
     ]
     found = as_input_and_output(without_relative(without_tool(found, draft), draft))
+    found = split_matrix(found, joints, draft)
     position = _measured_position(found, joints, draft)
     order = _joints(position, joints, urdf, draft)
     found = [label_by_name(each, order) for each in found]
@@ -253,6 +255,8 @@ def _measured_position(found: list[NamedBlock], joints: Sequence[str], draft: Dr
     reason = "the name says position"
     if wanted and all(is_output(c) and meaning(c.block.stem).quantity == "" for c in wanted):
         reason = "named as a system's output is, with an input `u` beside it"
+    if wanted and all(is_group(c) for c in wanted):  # asked for already
+        reason = ""
     if not wanted:  # LeRobot's observation.state, q, or a number alone
         wanted = [c for c in found if not c.meaning.quantity and c.meaning.measured]
         reason = "the name says a measured state"

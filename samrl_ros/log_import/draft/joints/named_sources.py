@@ -11,7 +11,9 @@ from samrl_ros.log_import.draft import evidence
 from samrl_ros.log_import.draft.blocks import LogBlock, LogPart
 from samrl_ros.log_import.draft.column_names import NameMeaning, meaning, words_in
 from samrl_ros.log_import.draft.guess import Draft
+from samrl_ros.log_import.draft.split_stamp import SplitStamp, frame_counter, split_stamp
 from samrl_ros.log_import.draft.text_layout import stated_options
+from samrl_ros.log_import.sources import numbers_of_column
 
 _COARSE = 0.5  # of the steps: a time that stands still in more of them tells no row from the next
 _TOGETHER = 0.5  # of the rows of the shorter of two blocks, which share a source
@@ -64,8 +66,11 @@ def add_source(part: LogPart, name: str, draft: Draft, beside: str = "") -> np.n
     if table.time is not None:
         draft.note(key, "the header's stamps" if "header.stamp" in table.columns else "the log's own")
         time = table.time
+    elif split := _split_stamp_of(part):
+        draft.note(key, f"{split.proof}: whole seconds and their rest")
+        source["time"], time = dict(split.entry), split.seconds
     elif column := _clock_of(part, beside):
-        values = table.numbers(column, "the log")
+        values = numbers_of_column(table, column, "the log")
         said = meaning(column).unit if meaning(column).unit in ("s", "ms", "us", "ns") else ""
         units = evidence.time_unit(np.diff(values))
         unit = said or (units[0] if units else "s")
@@ -78,6 +83,15 @@ def add_source(part: LogPart, name: str, draft: Draft, beside: str = "") -> np.n
         draft.note(key, f"{part.dates[0]!r} holds dates")
         source["time"] = {"column": part.dates[0], "iso": True}
         time = table.times(part.dates[0], "the log")
+    elif counter := frame_counter(table):
+        frames = table.numbers(counter, "the log")
+        lost = int(frames[-1] - frames[0] + 1 - len(frames))
+        why = f", of which {lost} were lost" if lost else ""
+        draft.note(
+            key, f"{counter!r} counts frames{why}", "what is their rate [Hz]? 100 is a placeholder", "rate"
+        )
+        source["time"] = {"column": counter, "rate_hz": 100.0}
+        time = (frames - frames[0]) / 100.0
     else:
         draft.note(key, "no column is a clock", "what is the rate [Hz]? 100 is a placeholder", "rate")
         source["time"] = {"rate_hz": 100.0}
@@ -101,9 +115,14 @@ def add_source(part: LogPart, name: str, draft: Draft, beside: str = "") -> np.n
     return time
 
 
+def _split_stamp_of(part: LogPart) -> SplitStamp | None:
+    """The first column of whole seconds that has the rest of the second beside it."""
+    return next((split for name in part.table.columns if (split := split_stamp(part.table, name))), None)
+
+
 def _clock_of(part: LogPart, beside: str) -> str:
     """The column of time, of several that run on the one called most like another column; empty for none."""
-    how = {name: evidence.runs_on(part.table.numbers(name, "the log")) for name in part.times}
+    how = {name: evidence.runs_on(numbers_of_column(part.table, name, "the log")) for name in part.times}
     best = [name for name in part.times if how[name] and how[name] == max(how.values())]
     words = set(words_in(beside))
     return max(best, key=lambda name: len(words & set(words_in(name))), default="")
@@ -148,10 +167,12 @@ def quantity_of(each: NamedBlock, order: list[str], unit: str, draft: Draft, sou
     if not block.rows.all():
         draft.sources[source]["missing"] = "drop_row"
     if len(block.columns) == 1 and len(block.labels) > 1:
-        key = _free(columns, prefix)
         name = block.columns[0]
-        columns[key] = {"column": name, "transpose": True} if block.transposed else name
-        return {"formula": [f"{key}[{block.labels.index(label)}]" for label in order], "unit": unit}
+        entry = {"column": name, "transpose": True} if block.transposed else name
+        key = next((key for key, there in columns.items() if there == entry), "") or _free(columns, prefix)
+        columns[key] = entry
+        numbers = [block.first + block.labels.index(label) for label in order]
+        return {"formula": [f"{key}[{number}]" for number in numbers], "unit": unit}
     formulas = []
     for number, label in enumerate(order, 1):
         key = _free(columns, f"{prefix}_{number}")

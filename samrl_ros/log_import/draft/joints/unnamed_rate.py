@@ -43,13 +43,14 @@ def rate_by_velocity(
         fit = evidence.fit_rate(time[both], q, each.block.ordered(order)[both[each.block.rows]])
         if fit.correlation < evidence.AGREES or fit.ratio <= 0.0 or each.meaning.unit not in ("", unit):
             continue
-        rate = draft.sources["states"]["time"]["rate_hz"] / fit.ratio
+        placeholder = draft.sources["states"]["time"]["rate_hz"]
+        rate = placeholder / fit.ratio
         rate = float(round(rate)) if abs(rate - round(rate)) < _ROUND * rate else float(f"{rate:.3g}")
-        draft.sources["states"]["time"] = {"rate_hz": rate}
+        draft.sources["states"]["time"]["rate_hz"] = rate
         draft.ask_anew(
             "rate",
             f"{name_of(each)} in {unit}/s is the derivative of {name_of(position)} at {rate:g} Hz",
             f"is the rate {rate:g} Hz?",
         )
-        return np.arange(len(time)) / rate
+        return time * (placeholder / rate)
     return time

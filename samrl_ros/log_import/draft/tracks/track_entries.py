@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +12,7 @@ from samrl_ros.log_import.draft import evidence
 from samrl_ros.log_import.draft.blocks import numbers_of
 from samrl_ros.log_import.draft.column_names import meaning, words_in
 from samrl_ros.log_import.draft.guess import Draft
+from samrl_ros.log_import.draft.split_stamp import frame_counter, split_stamp
 from samrl_ros.log_import.draft.text_layout import stated_options
 from samrl_ros.log_import.draft.tracks.found_track import Component
 from samrl_ros.log_import.draft.tracks.logged_tracks import LoggedTrack
@@ -24,9 +25,6 @@ SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 INCH_M = 0.0254
 FAR = 20.0  # of a position: no arm, camera or tossed body is so far off in metres
 FULL_TURN = 2.0 * np.pi + 0.1
-_WHOLE_SECONDS = ("sec", "secs", "seconds")
-_NANOSECONDS = ("nsec", "nsecs", "nanosec", "nanosecs", "nanoseconds")
-_FRAMES = frozenset({"frame", "frames", "image", "img", "sample"})
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,9 +64,8 @@ def find_time(each: LoggedTrack, used: Sequence[str]) -> FoundTime | None:
         if values is None:
             moments = table.times(name, "the log")
             return FoundTime({"column": name, "iso": True}, moments, ("s",), f"{name!r} holds dates")
-        if (rest := _nanoseconds_of(name, table.columns)) and (more := numbers_of(table, rest)) is not None:
-            entry = {"column": name, "nanoseconds": rest}
-            return FoundTime(entry, values + 1e-9 * more, ("s",), f"{name!r} with {rest!r}")
+        if split := split_stamp(table, name):
+            return FoundTime(split.entry, split.seconds, ("s",), split.proof)
 
     # Of several clocks the header's stamp tells when something was seen, the others when it was written; a
     # column whose name has a unit is no count of rows.
@@ -95,24 +92,7 @@ def _increases(table: Table, name: str) -> bool:
 
 def find_frames(each: LoggedTrack, used: Sequence[str]) -> str:
     """A column that counts frames; empty where there is none."""
-    for name in each.table.columns:
-        values = numbers_of(each.table, name)
-        counts = name not in used and bool(set(words_in(name)) & _FRAMES)
-        if counts and values is not None and values.ndim == 1 and (np.diff(values) >= 1).all():
-            return name
-    return ""
-
-
-def _nanoseconds_of(name: str, names: Iterable[str]) -> str:
-    """The column that holds the rest of a ROS stamp's whole seconds."""
-    words = words_in(name)
-    if not words or words[-1] not in _WHOLE_SECONDS:
-        return ""
-    for other in names:
-        more = words_in(other)
-        if more and more[:-1] == words[:-1] and more[-1] in _NANOSECONDS:
-            return other
-    return ""
+    return frame_counter(each.table, used)
 
 
 def add_track_source(key: str, each: LoggedTrack, draft: Draft) -> dict[str, Any]:

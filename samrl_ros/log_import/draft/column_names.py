@@ -11,17 +11,21 @@ SLOT = "{}"  # where the joint stands in a stem
 _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|\{\}")
 _TORQUE_UNIT = re.compile(r"(?<![A-Za-z])([mkc]?)N[ ._*-]?(mm|cm|m)(?![A-Za-z])")  # mNm is no m and Nm
 _NUMBER = re.compile(r"\d+")
+_PRESSURE = re.compile(r"[\[(][kMm]?(?:bar|Pa|psi)[\])]$|_(?:[kM]Pa|mbar|psi)$")
+_COMPOUND = re.compile(r"(soll|ist)([a-z]{3,})")  # German: Sollweg, Istdrehzahl
 _ELECTRIC = re.compile(r"(?:[\[(]|_)(m?[VA])(?:[\])]|$)")  # unit of a motor's input at the end of a name
 
 QUANTITIES = {
     "position": "q pos position positions qpos theta angle angles rad radian radians deg degree degrees"
-    " counts encoder enc tick ticks winkel",
-    "velocity": "dq dtheta qdot qvel vel velocity velocities speed speeds omega rpm dps drehzahl",
+    " counts encoder enc tick ticks winkel drehwinkel weg lage",
+    "velocity": "dq dtheta qdot qvel vel velocity velocities speed speeds omega rpm dps drehzahl"
+    " geschwindigkeit",
     "acceleration": "ddq ddtheta qddot acc accel acceleration accelerations",
     "effort": "tau trq torque torques effort efforts moment force forces nm mnm knm cnm ncm nmm drehmoment"
     " kraft",
     "current": "current currents cur curr amps amp ampere iq strom",
     "voltage": "voltage voltages volt volts pwm duty spannung",
+    "pressure": "pressure pressures druck",
     "temperature": "temperature temp temperatures celsius",
 }
 COMMANDED = "cmd command commanded commands target targets ref reference desired des goal goals setpoint"
@@ -97,6 +101,8 @@ def meaning(name: str) -> NameMeaning:
     if (electric := _ELECTRIC.search(name)) and quantity in ("", "current", "voltage"):
         units = [electric[1]]
         quantity = quantity or ("current" if electric[1].endswith("A") else "voltage")
+    if not quantity and _PRESSURE.search(name):
+        quantity = "pressure"
     found = set(words)
     if found & ENABLED:
         return NameMeaning("enabled")
@@ -138,7 +144,14 @@ def is_time(name: str) -> bool:
 
 def words_in(name: str) -> list[str]:
     """Lower-case words of a name in snake case, camel case or with dots."""
-    return [word.lower() for word in _WORDS.findall(_TORQUE_UNIT.sub(_as_word, name))]
+    words = [word.lower() for word in _WORDS.findall(_TORQUE_UNIT.sub(_as_word, name))]
+    return [part for word in words for part in _parts_of(word)]
+
+
+def _parts_of(word: str) -> tuple[str, ...]:
+    """Set point or actual value, and of what, where German writes both as one word."""
+    compound = _COMPOUND.fullmatch(word)
+    return compound.groups() if compound and compound[2] in _QUANTITY_OF else (word,)
 
 
 def _as_word(unit: re.Match[str]) -> str:

@@ -13,7 +13,15 @@ _LIES_ON = 0.2  # of a joint's motion, within which a set point stays from its p
 
 
 def say_how_used(current: NamedBlock) -> str:
-    """What to do with a current or voltage that is not used; a torque worked out of it is a drive's."""
+    """What to do with a current, a voltage or a pressure that is not used.
+
+    A torque worked out of a current is a drive's.
+    """
+    if current.meaning.quantity == "pressure":
+        return (
+            f"{name_of(current)}: a cylinder's force is the difference of its chambers' pressures times their"
+            " areas, 1e5 * (pA * areaA - pB * areaB) of bar and m2; use it as commanded_effort"
+        )
     if _TORQUES & set(words_in(current.block.stem)):
         return (
             f"{name_of(current)}: if this is a torque worked out of the current, in N m at the joints, it is"

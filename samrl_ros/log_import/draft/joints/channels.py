@@ -243,11 +243,12 @@ def add_effort(
         draft.note("channels.commanded_effort.effort", "as stated: nothing drives the joints")
         draft.channels["commanded_effort"] = {"source": "states", "effort": [0.0] * len(order)}
         return []
-    currents = [c for c in found if c.meaning.quantity in ("current", "voltage")]
+    currents = [c for c in found if c.meaning.quantity in ("current", "voltage", "pressure")]
     measured = beside(found, position, order, "effort") or _elsewhere(found, position, order)
     if not measured and effort is not Effort.none:
         inputs = [c for q in ("voltage", "current") for c in beside(found, position, order, q)]
-        inputs += [c for c in currents if c.meaning.commanded and set(order) <= set(c.block.labels)]
+        electric = [c for c in currents if c.meaning.quantity != "pressure"]
+        inputs += [c for c in electric if c.meaning.commanded and set(order) <= set(c.block.labels)]
         if inputs and "command" not in draft.channels:
             return add_motor_input(inputs[0], position, order, draft)
     how_used = [say_how_used(each) for each in currents]

@@ -18,6 +18,7 @@ class VerdictSettings:
     worse: float = -0.1  # shrink below which the named effect contradicts held-out recordings
     tie: float = 0.6  # a probability below it is no name
     rival: float = 0.15  # a rival's probability from which on it belongs to the ambiguity set
+    share: float = 0.5  # likewise of the first one's, where that itself is improbable
     dominant: float = 0.3  # simulated shrink from which on an effect stands although much stays unexplained
     surely: float = 0.15  # lower end of that shrink's interval, likewise
     margin: float = 0.03  # shrink beyond the runner-up's, likewise

@@ -195,7 +195,9 @@ def _tie(
     first: NamedEffect, runner_ups: Sequence[NamedEffect], far: HowFar, settings: VerdictSettings
 ) -> Tie | None:
     """By probability, or as a rival brings simulated motion much closer; None if there is no tie."""
-    tied = tuple(r.name for r in runner_ups if r.probability > settings.rival)
+    # Where much stays unexplained many rivals share what is probable, and each has little of it.
+    least = min(settings.rival, settings.share * first.probability)
+    tied = tuple(r.name for r in runner_ups if r.probability > least)
     if first.probability < settings.tie and tied:
         return Tie(tied, f"{first.name} ({first.probability:.0%}) cannot be told from {', '.join(tied)} here")
     closer = _moves_closer(far, settings)

@@ -145,3 +145,33 @@ def test_what_unseen_recordings_show_nowhere_is_no_effect(changes: dict, verdict
     )  # fmt: skip
     outcome = decide(selection, [first], [], [], HowFar(gap, ()), VerdictSettings())
     assert outcome.verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("first", "rivals", "verdict"),
+    [
+        (0.06, (0.082, 0.035, 0.017), "ambiguous"),
+        (0.06, (0.02, 0.02, 0.02), "effect"),  # three times as probable as the next
+        (0.55, (0.14, 0.1, 0.1), "effect"),
+        (0.95, (0.03, 0.02), "effect"),
+    ],
+)
+def test_what_a_rival_is_as_probable_as_is_no_name(
+    first: float, rivals: tuple[float, ...], verdict: str
+) -> None:
+    """A gravity that the law lacked was "friction by position, probability 6 %", and a rival had 8 %.
+
+    With half of the torque unexplained dozens of rivals shared the rest, so that none had 15 %.
+    """
+    effect = SimpleNamespace(limits_motion=False, by_chance=False)
+    fit = cast("Fit", SimpleNamespace(hypotheses=(SimpleNamespace(effect=effect),), log_evidence=900.0))
+    named = [
+        cast("NamedEffect", SimpleNamespace(name=f"{name}@joint:x", probability=p, gain=900.0))
+        for name, p in zip("abcd", (first, *rivals), strict=False)
+    ]
+    gap = HeldOutGap("", "1", 1.1, 0.4, None, None, 0.62, (0.56, 0.68), None, (), ())
+    selection = replace(chosen_from([fit]), rivals=())
+    outcome = decide(selection, named[:1], named[1:], [], HowFar(gap, ()), VerdictSettings())
+    assert outcome.verdict == verdict
+    if verdict == "ambiguous":
+        assert outcome.tied == ("b@joint:x", "c@joint:x")

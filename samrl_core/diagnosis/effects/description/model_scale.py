@@ -40,8 +40,8 @@ class ModelScale(Effect):
     )
 
     def why_unobservable(self, trial: Trial) -> str | None:
-        if trial.joints == 1 and not is_driven(trial):
-            return "needs a torque: nothing drives the joint, and one link's mass is that link's"
+        if not is_driven(trial):
+            return "needs a torque: nothing drives the joints, and a factor of all masses is one of friction"
         return lacks_link_torque(trial)
 
     def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
@@ -49,10 +49,10 @@ class ModelScale(Effect):
         torques = AllTorques(name="torques", place=place, amplitudes=("s",))
         # One link alone that is off by a factor is that link's error, and nothing else would be said.
         scales: tuple[Form, ...] = (masses,) if trial.joints > 1 else ()
-        # Where nothing drives the joints no torque is logged: a factor of it would move nothing, and win by
-        # what it takes from the model's torque alone.
+        # Where nothing drives the machine, what all masses are off by drops out but for its friction, which
+        # is that much larger then; and a factor of a torque that is zero would move nothing.
         if not is_driven(trial):
-            return scales
+            return ()
         scales = (*scales, torques)
         if "controller" not in trial.channels:
             return scales

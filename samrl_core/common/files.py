@@ -23,8 +23,9 @@ LOCK = ".lock"  # the file in the folder; empty, and left there: removing it wou
 def write_whole(path: Path, content: str | bytes) -> None:
     """Write a file so that at any instant `path` holds the old content or the new one.
 
-    The folder is made if it is missing; text is written as UTF-8. The content is on the disk before it gets
-    its name.
+    The folder is made if it is missing; text is written as UTF-8. A byte of a file's name that is no UTF-8
+    (an archive of Windows unpacked here) is written as Python shows it, `\\udcfc`. The content is on the
+    disk before it gets its name.
 
     Raises:
         InputError: there is no room; `path` is as it was.
@@ -34,7 +35,7 @@ def write_whole(path: Path, content: str | bytes) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
             with half.open("wb") as file:
-                file.write(content.encode() if isinstance(content, str) else content)
+                file.write(_encoded(content) if isinstance(content, str) else content)
                 file.flush()
                 os.fsync(file.fileno())
             half.replace(path)
@@ -56,7 +57,7 @@ def append_line(path: Path, line: str, outlives_power: bool = True) -> None:
     with room_for(path), path.open("ab", buffering=0) as file:
         before = file.seek(0, os.SEEK_END)
         try:
-            left = memoryview(f"{line}\n".encode())
+            left = memoryview(_encoded(f"{line}\n"))
             while left:  # a nearly full disk takes a part before it refuses
                 left = left[file.write(left) :]
             if outlives_power:
@@ -64,6 +65,10 @@ def append_line(path: Path, line: str, outlives_power: bool = True) -> None:
         except OSError:
             file.truncate(before)
             raise
+
+
+def _encoded(text: str) -> bytes:
+    return text.encode(errors="backslashreplace")
 
 
 @contextmanager
@@ -107,10 +112,25 @@ def read_whole(path: Path, most: int) -> bytes:
         if stat.S_ISREG(found.st_mode) and found.st_size <= most:
             return path.read_bytes()
     except (OSError, ValueError) as error:  # a null byte in the path is a ValueError
-        raise InputError(f"cannot read {path}: {error}; check the path") from error
+        # The system's error has the path and a number as well; a ValueError is its own text.
+        why = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise InputError(f"cannot read {path}: {why}; check the path") from error
     if not stat.S_ISREG(found.st_mode):
         raise InputError(f"cannot read {path}: it is no file; check the path")
     raise InputError(f"{path} has {found.st_size} bytes, such a file at most {most}; check the path")
+
+
+def check_folder(path: Path) -> None:
+    """That a folder can be made there, or is there and can be written: asked before long work, not after it.
+
+    Raises:
+        InputError: a file is in the way, or the folder that it would lie in cannot be written.
+    """
+    there = next((each for each in (path, *path.absolute().parents) if is_there(each)), Path("/"))
+    if not is_folder(there):
+        raise InputError(f"cannot write to {path}: {there} is a file; give another --out")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise InputError(f"cannot write to {path}: {there} may not be written; give another --out")
 
 
 def is_file(path: Path) -> bool:

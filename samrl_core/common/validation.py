@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
 from samrl_core.common.errors import InputError
+from samrl_core.common.names import known_are
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -36,7 +37,8 @@ class Checked(BaseModel):
         if not isinstance(value, dict):
             return value
         if unknown := sorted(map(str, set(value) - set(cls.model_fields))):
-            raise fault(f" is not known here; known keys are {sorted(cls.model_fields)}", unknown[0])
+            listed = known_are(unknown[0], sorted(cls.model_fields), "known keys are")
+            raise fault(f" is not known here; {listed}", unknown[0])
         return {key: each for key, each in value.items() if each is not None}
 
     @classmethod

@@ -5,13 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
-from importlib import metadata
 from typing import Any
 
 import numpy as np
 
 from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.common.errors import InputError
+from samrl_core.common.names import known_are
+from samrl_core.common.version import samrl_version
 from samrl_core.diagnosis.effects import FAMILIES, Effect
 from samrl_core.diagnosis.findings.onset import began_in, find_onsets
 from samrl_core.diagnosis.findings.signature import couplings, signatures
@@ -72,7 +73,7 @@ def library(families: Collection[str] | None, kind: Kind[Any] | None = None) -> 
         return kind.effects
     known = {e.family for e in kind.effects}
     if unknown := sorted(set(families) - set(FAMILIES)):
-        raise InputError(f"unknown families {unknown} in the library; known are {sorted(known)}")
+        raise InputError(f"unknown families {unknown} in the library; {known_are(unknown[0], sorted(known))}")
     chosen = tuple(e for e in kind.effects if e.family in families)
     if not chosen:
         raise InputError(
@@ -175,7 +176,7 @@ class _Case:
         )
         return Diagnosis(
             "not_testable", (self.kind.why_nothing(self.trials),), (), (), (), (), None, None, 0.0,
-            untestable | self.kind.elsewhere, inputs, self.settings.seed, _version(),
+            untestable | self.kind.elsewhere, inputs, self.settings.seed, samrl_version(),
             self.kind.system(first), notes=(*self.notes, *self.found),
         )  # fmt: skip
 
@@ -256,6 +257,7 @@ def _conclude(
         sooner = kind.show_sooner(evidence, selection.pool, needed)
         outcome = replace(outcome, reasons=(*outcome.reasons, *sooner))
     effects = named if outcome.verdict in NAMING else ()
+    tracked, untracked = _track_unnamed(case, evidence, chosen, effects)
     diagnosis = replace(
         case.unjudged(),
         verdict=outcome.verdict,
@@ -277,7 +279,8 @@ def _conclude(
         information={} if chosen is None else kind.information(likelihood, chosen),
         least_sizes=_least_sizes(evidence, selection, outcome, settings.verdict),
         curves=() if chosen is None else _curves(kind, evidence, chosen),
-        tracked=_track_unnamed(case, evidence, chosen, effects),
+        tracked=tracked,
+        notes=(*case.notes, *case.found, *untracked),
         overlays=far.overlays,
         timings=watch.timings,
         settings={
@@ -359,12 +362,12 @@ def _curves(kind: Kind[Any], evidence: Evidence, chosen: Fit) -> tuple[Curve, ..
 
 def _track_unnamed(
     case: _Case, evidence: Evidence, chosen: Fit | None, effects: Sequence[NamedEffect]
-) -> tuple[NamedEffect, ...]:
-    """Sizes of the effects whose size is asked for and that the report does not name."""
+) -> tuple[tuple[NamedEffect, ...], tuple[str, ...]]:
+    """Sizes of the effects whose size is asked for and that the report does not name; remarks on others."""
     shown = {e.name for e in effects}
     unnamed = [name for name in case.settings.track if name not in shown]
     if not unnamed:
-        return ()
+        return (), ()
     return track(evidence, chosen, unnamed, np.random.default_rng(case.settings.seed), case.kind.effects)
 
 
@@ -384,10 +387,3 @@ def _needed_evidence(selection: Selection, outcome: rules.Decision, settings: ru
         # Held-out recordings do not show what less evidence speaks for.
         return settings.clearly * selection.threshold
     return selection.threshold
-
-
-def _version() -> str:
-    try:
-        return metadata.version("samrl")
-    except metadata.PackageNotFoundError:
-        return "unknown"

@@ -11,7 +11,6 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +23,7 @@ from samrl_core.cell.world.evaluation import ending_of, read_truth
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import write_whole
 from samrl_core.common.statistics import wilson_interval
+from samrl_core.common.version import samrl_version
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.bags.recorder import header_stamp_ns
 from samrl_ros.cell.incidents import Incident
@@ -36,14 +36,6 @@ OUTCOME, READY = cell_topic("supervisor/outcome"), cell_topic("sim_bridge/ready"
 EXECUTED = cell_topic("manipulator/executed_action")
 JUDGEMENT = cell_topic("operator/judgement")
 STATUS = tuple(arm_topic(role, "motion_status") for role in ROLES)
-
-
-def samrl_version() -> str:
-    """Version of the installed package, "source" when it is not installed."""
-    try:
-        return version("samrl")
-    except PackageNotFoundError:
-        return "source"
 
 
 def summarise(

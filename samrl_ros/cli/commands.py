@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import typer
 
+from samrl_core.common.version import samrl_version
 from samrl_ros.cli.options import add_command, add_group
 
 COMMANDS = (  # name, room.module:function, help
@@ -96,6 +99,23 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
+
+
+def _say_version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"samrl {samrl_version()}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_say_version, is_eager=True, help="Say the version, and exit."),
+    ] = False,
+) -> None:
+    """Options beside the commands; what is asked for is said by its own callback."""
+
 
 for _name, _target, _help in COMMANDS:
     add_command(app, _name, f"samrl_ros.cli.{_target}", _help)

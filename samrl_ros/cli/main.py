@@ -12,7 +12,7 @@ from samrl_ros.contract.quiet_end import leave_quietly
 # Of paths that the system refuses, wherever a command touches them first.
 _OF_PATHS = (
     *(errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR, errno.EISDIR, errno.EACCES, errno.EPERM, errno.EROFS),
-    *(errno.ENOENT, errno.ENXIO),
+    *(errno.ENOENT, errno.ENXIO, errno.EEXIST),
 )
 
 

@@ -5,8 +5,8 @@ A field whose annotation carries `typer.Option` or `typer.Argument` becomes that
     states: Annotated[int, typer.Option(help="Labelled states.", min=100)] = TrainSettings.states
 
 Fields without one are not on the command line and keep their defaults. `tuple[T, ...]` is an option that may
-be repeated. The dataclass and what it imports are loaded when the command is used, so that `samrl --help`
-stays quick.
+be repeated. A path called `out` is looked at before the command works: minutes of work may go there. The
+dataclass and what it imports are loaded when the command is used, so that `samrl --help` stays quick.
 """
 
 from __future__ import annotations
@@ -15,11 +15,14 @@ import dataclasses
 import importlib
 import inspect
 from collections.abc import Callable
+from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.models import ParameterInfo
+
+from samrl_core.common.files import check_folder
 
 
 def add_command(app: typer.Typer, name: str, target: str, help: str) -> None:
@@ -98,6 +101,8 @@ def command_function(function: Callable[..., int]) -> Callable[..., None]:
     def run(**given: Any) -> None:
         rest = {one.name: given.pop(one.name) for one in others}
         values = {name: tuple(value or ()) if name in repeated else value for name, value in given.items()}
+        if isinstance(out := values.get("out"), Path):
+            check_folder(out)
         raise typer.Exit(function(settings(**values), **rest))
 
     run.__signature__ = inspect.Signature(parameters)  # ty: ignore[missing-attribute]

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal, Protocol, Self
 from pydantic import AfterValidator, BeforeValidator, Field, NonNegativeInt, PrivateAttr, model_validator
 
 from samrl_core.common.errors import InputError
+from samrl_core.common.names import known_are
 from samrl_core.common.validation import Checked, fault
 from samrl_ros.log_import.formulas import FUNCTIONS
 from samrl_ros.log_import.units import SI, factor
@@ -357,7 +358,8 @@ class RecordingSpec(LoggedSpec):
     def _quantity_fits(self, one: QuantitySpec, channel: str, quantity: str) -> None:
         at = ("channels", channel, quantity)
         if quantity not in CHANNELS[channel]:
-            raise fault(f" is not known here; known keys are {list(CHANNELS[channel])}", *at)
+            listed = known_are(quantity, CHANNELS[channel], "known keys are")
+            raise fault(f" is not known here; {listed}", *at)
         _known_unit(quantity, one.unit, *at)
         if one.derivative and (quantity != "velocity" or self.channels[channel].position is None):
             raise fault(": only velocity can be the derivative, and of a position beside it", *at)

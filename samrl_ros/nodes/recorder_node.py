@@ -11,13 +11,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, final
 
 from std_srvs.srv import Trigger
 
 from samrl_core.common.errors import InputError
+from samrl_core.common.version import samrl_version
 from samrl_ros.bags.qos_metadata import topic_qos
 from samrl_ros.bags.recorder import Recorder, clock_ns, header_stamp_ns
 from samrl_ros.bags.writer import COMPRESSIONS, BagWriter
@@ -153,7 +153,7 @@ class RecorderNode(CellNode):
         out = Path(self._settings.out)
         folder = out if self._bags == 0 else out.with_name(f"{out.name}_{self._bags}")
         about = {"schema": "1", "task": self._settings.task, "cell": self._settings.cell}
-        about["samrl_version"] = _version()
+        about["samrl_version"] = samrl_version()
         writer = BagWriter(folder, compression=self._settings.compression, custom_data=about)
         self._recorder = Recorder(writer, self.get_logger().warning)
         self._bags += 1
@@ -186,13 +186,6 @@ def _chosen(names: tuple[str, ...]) -> list[Topic]:
     if not any(topic.qos == CLOCK for topic in chosen):
         chosen.append(TOPICS["/clock"])  # gives the log time
     return chosen
-
-
-def _version() -> str:
-    try:
-        return version("samrl")
-    except PackageNotFoundError:
-        return "not installed"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

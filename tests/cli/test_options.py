@@ -12,6 +12,8 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+from samrl_core.common.errors import InputError
+from samrl_core.common.version import samrl_version
 from samrl_ros.cli.learning.train import DEFAULTS, TrainOptions
 from samrl_ros.cli.main import run
 from samrl_ros.cli.options import add_command, command_function
@@ -76,6 +78,50 @@ def test_help_shows_text_limits_and_defaults() -> None:
     for text in ("Play.", "How many.", "x>=1", "default: 3", "May be repeated.", "Where."):
         assert text in output
     assert "hidden" not in output
+
+
+@dataclass(frozen=True)
+class WritingOptions:
+    """Of a command that writes."""
+
+    out: Annotated[Path, typer.Option(help="Folder.")] = Path("out")
+
+
+def works_long(options: WritingOptions) -> int:
+    CALLS.append((ToyOptions("worked"), options.out))
+    return 0
+
+
+@pytest.mark.parametrize("out", ["there.csv", "there.csv/below"])
+def test_a_file_in_the_way_of_the_results_is_told_before_the_work(tmp_path: Path, out: str) -> None:
+    """A diagnosis of minutes ended with a traceback: `--out` was a file."""
+    (tmp_path / "there.csv").touch()
+    CALLS.clear()
+    app = typer.Typer()
+    app.command()(command_function(works_long))
+    result = CliRunner().invoke(app, ["--out", str(tmp_path / out)])
+    assert isinstance(result.exception, InputError) and not CALLS
+    assert "there.csv is a file; give another --out" in str(result.exception)
+    assert CliRunner().invoke(app, ["--out", str(tmp_path / "new" / "one")]).exit_code == 0 and CALLS
+    assert not (tmp_path / "new").exists()  # looked at, not made
+
+
+def test_a_file_in_the_way_is_refused_wherever_it_is_found(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a.csv").write_text("t,q\n" + "".join(f"{k / 100},{k / 50}\n" for k in range(400)))
+    (tmp_path / "m.yaml").write_text(
+        "joints: [a]\nsources: {log: {file: a.csv, time: {column: t}, columns: {q: q}}}\n"
+        "channels: {states: {position: {formula: [q], unit: rad}, velocity: derivative}}\n"
+        "recordings: [{name: a}]\n"
+    )
+    assert run(["bag", "import", str(tmp_path / "m.yaml"), "--out", str(tmp_path / "a.csv")]) == INPUT_REFUSED
+    assert "File exists; check the path" in capsys.readouterr().err
+
+
+def test_the_version_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["--version"]) == 0
+    assert capsys.readouterr().out.split() == ["samrl", samrl_version()]
 
 
 def test_a_function_can_be_a_command_at_once() -> None:

@@ -180,6 +180,19 @@ def test_without_held_out_recordings_nothing_is_said_of_shrink() -> None:
     assert diagnosis.effects[0].name == "coulomb_friction@joint:lift"
 
 
+@pytest.mark.thorough
+def test_why_an_effect_is_not_tracked_is_told() -> None:
+    """A misspelt place left `tracked` empty, and nobody said why; so did a size that may not be."""
+    a, b, _ = worlds.world(8, viscous={LIFT: 1.0})
+    asked = ("viscous_friction@joint:turn", "viscous_friction@joint:lifd")
+    settings = DiagnosisSettings(library={"viscous_friction"}, track=asked, simulate=False)
+    diagnosis, _ = diagnose([a, b], [], settings)
+    none_there, misspelt = diagnosis.notes[-2:]
+    assert none_there.startswith(f"{asked[0]} is not tracked: no size that viscous_friction may have fits")
+    assert misspelt.startswith(f"{asked[1]} is not tracked: these recordings show viscous_friction at ")
+    assert "joint:lift" in misspelt and not diagnosis.tracked
+
+
 def test_without_recordings_nothing_is_diagnosed() -> None:
     with pytest.raises(InputError, match="no recording to fit"):
         diagnose([], [])

@@ -16,6 +16,7 @@ from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.common.errors import InputError
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.bags.writer import BagWriter
+from samrl_ros.log_import.draft.blocks import read_parts
 from samrl_ros.recordings import load_recordings, write_recording
 from samrl_ros.recordings.joint_messages import JOINT_STATE, decode_topic, encode_text, encode_topic
 
@@ -235,6 +236,14 @@ def test_a_bag_without_joint_states_lists_its_topics(tmp_path: Path) -> None:
         writer.write("/joint_states", 1, joint_state(1, ["a"], [0]))
     with pytest.raises(InputError, match=r"no joint states.*/joint_states \(1\).*samrl bag import"):
         load_recordings(tmp_path / "bag")
+
+
+def test_a_bag_without_a_message_is_said_to_hold_none(tmp_path: Path) -> None:
+    """The refusal listed eleven types of messages that the bag might have held."""
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic("/joint_states", JOINT_STATE)
+    with pytest.raises(InputError, match=r"holds no message; name another bag, or record anew"):
+        read_parts(tmp_path / "bag", JOINTS)
 
 
 def test_split_and_unindexed_files(motion: ArmRecording, tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from samrl_core.cell.excitation.catalogue import KINDS, ExcitationParameter, Tra
 from samrl_core.cell.robots.robot import ROLES
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import write_whole
+from samrl_core.common.names import known_are
 from samrl_core.common.text_files import parse_yaml, read_text
 
 SCHEMA = 1
@@ -113,7 +114,7 @@ class TrajectoryFile:
         if not isinstance(data, dict):
             raise InputError(f"holds a {type(data).__name__}; write keys {', '.join(_KEYS)}")
         if unknown := [str(k) for k in data if k not in _KEYS]:
-            raise InputError(f"unknown key {', '.join(unknown)}; known are {', '.join(_KEYS)}")
+            raise InputError(f"unknown key {', '.join(unknown)}; {known_are(unknown[0], _KEYS)}")
         if missing := [k for k in ("schema", "arm", "kind") if k not in data]:
             raise InputError(f"key {', '.join(missing)} is missing; write it")
         if data["schema"] != SCHEMA or isinstance(data["schema"], bool):

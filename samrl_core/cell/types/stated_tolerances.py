@@ -9,6 +9,7 @@ from typing import Any, Self
 import numpy as np
 
 from samrl_core.common.errors import InputError
+from samrl_core.common.names import known_are
 
 HALF_WIDTH, STANDARD_DEVIATION = "half_width", "standard_deviation"
 DEVIATION = {HALF_WIDTH: 1.0 / np.sqrt(3.0), STANDARD_DEVIATION: 1.0}  # per stated value
@@ -48,7 +49,7 @@ class StatedTolerances:
         """
         known = {f.name: str(f.type) for f in fields(cls)}
         if unknown := sorted(str(name) for name in set(values) - set(known)):
-            raise InputError(f"unknown tolerances {unknown}; known are {sorted(known)}")
+            raise InputError(f"unknown tolerances {unknown}; {known_are(unknown[0], sorted(known))}")
         read: dict[str, Any] = {}
         for name, value in values.items():
             try:

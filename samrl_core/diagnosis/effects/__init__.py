@@ -9,6 +9,7 @@ from importlib import import_module
 from typing import Any
 
 from samrl_core.common.errors import InputError
+from samrl_core.common.names import known_are
 from samrl_core.diagnosis.effects.effect import Effect
 from samrl_core.diagnosis.effects.unmodelled import UNMODELLED, UnmodelledFamily
 
@@ -120,7 +121,7 @@ def find_family(name: str) -> Effect[Any] | UnmodelledFamily:
         InputError: the contract has no such family.
     """
     if name not in FAMILIES:
-        raise InputError(f"unknown family of effects {name!r}; known are {', '.join(FAMILIES)}")
+        raise InputError(f"unknown family of effects {name!r}; {known_are(name, FAMILIES)}")
     return FAMILIES[name]
 
 

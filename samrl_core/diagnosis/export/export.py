@@ -15,6 +15,7 @@ import numpy as np
 from samrl_core.common.array_file import write_arrays
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_there, write_whole
+from samrl_core.common.names import known_are
 from samrl_core.diagnosis.export.correction import Correction
 from samrl_core.diagnosis.export.generated_mjcf import generated_mjcf
 from samrl_core.diagnosis.export.page import page_of, picture_of
@@ -66,7 +67,7 @@ def write_export(
         InputError: unknown target, a folder that exists, or a model that does not fit.
     """
     if target not in TARGETS:
-        raise InputError(f"unknown export {target!r}; known are {', '.join(TARGETS)}")
+        raise InputError(f"unknown export {target!r}; {known_are(target, TARGETS)}")
     if is_there(folder):
         raise InputError(f"{folder} exists already; move it away, exports are not replaced")
     c, models = correction, _change_model(correction, target)

@@ -38,8 +38,8 @@ def track(
     names: Sequence[str],
     rng: np.random.Generator,
     effects: Sequence[Effect[Any]],
-) -> tuple[NamedEffect, ...]:
-    """Each effect beside the chosen ones, in the form and shape that fit best; what is not seen is left out.
+) -> tuple[tuple[NamedEffect, ...], tuple[str, ...]]:
+    """Each effect beside the chosen ones, in the form and shape that fit best.
 
     Args:
         evidence: of the fitted recordings.
@@ -47,12 +47,16 @@ def track(
         names: `family@place` of effects that are not among the chosen ones.
         rng: for the intervals.
         effects: that these recordings may show.
+
+    Returns:
+        The effects with their sizes, and a remark on each that has none: a misspelt place, say.
     """
     beside = () if chosen is None else chosen.hypotheses
-    out = []
+    out, remarks = [], []
     for name in names:
         family, _, place = name.partition("@")
-        pool = [h for h in evidence.screen([e for e in effects if e.family == family]) if h.place == place]
+        screened = evidence.screen([e for e in effects if e.family == family])
+        pool = [h for h in screened if h.place == place]
         fits = [evidence.fit([h, *(other for other in beside if other.name != name)]) for h in pool]
         best = max(
             (f for f in fits if np.isfinite(f.log_evidence)), key=lambda f: f.log_evidence, default=None
@@ -63,4 +67,10 @@ def track(
             parameters = estimates(evidence, fit, 0, rng)
             gain = fit.log_evidence - (chosen.log_evidence if chosen is not None else 0.0)
             out.append(NamedEffect(family, place, math.nan, parameters, gain, h.form.name, "tracked"))
-    return tuple(out)
+            continue
+        seen = ", ".join(dict.fromkeys(h.place for h in screened)) or "no place"
+        why = f"these recordings show {family} at {seen}"
+        if pool:  # less friction than the model has, say
+            why = f"no size that {family} may have fits these recordings there"
+        remarks.append(f"{name} is not tracked: {why}")
+    return tuple(out), tuple(remarks)

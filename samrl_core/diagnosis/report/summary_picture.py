@@ -75,9 +75,7 @@ def _headline(ax: Axes, d: Diagnosis, title: str) -> None:
     ax.text(0, 0.78, text, va="top", fontsize=16, weight="bold", color=INK, transform=ax.transAxes)
     facts = [words.parameters(e) for e in d.effects[:2] if d.verdict == "effect"]
     if d.gap is not None and d.gap.shrink is not None and d.verdict == "effect":
-        facts.append(
-            f"held-out gap shrinks by {words.percent(d.gap.shrink)} ({words.percent_interval(d.gap.ci95)})"
-        )
+        facts.append(f"held-out gap {words.change(d.gap.shrink)} ({words.percent_interval(d.gap.ci95)})")
     if math.isfinite(d.unexplained_fraction):
         facts.append(f"{words.remainder(d.unexplained_fraction)} unexplained")
     shown = fill("; ".join(filter(None, facts)) or (d.reasons[0] if d.reasons else ""), 110)

@@ -60,8 +60,8 @@ def summary(diagnosis: Diagnosis, files: Sequence[str] = ()) -> list[str]:
                 "next", f"{words.record_with(n)} ({words.percent(n.separates)} sure to split them): {n.why}"
             )
         )
-    if d.alarms:
-        lines.append(_line("alarm", _first_of(d.alarms)))
+    if alarms := [alarm for alarm in d.alarms if alarm not in d.reasons[:1]]:  # the first stands under "why"
+        lines.append(_line("alarm", _first_of(alarms)))
     if d.verdict in ("no_gap", "none_of_mine"):
         lines += [_line("note", note) for note in d.notes if any(word in note for word in OF_DOUBT)][:1]
     if d.verdict == "not_testable":  # then the list says nothing that the reason does not
@@ -73,6 +73,11 @@ def summary(diagnosis: Diagnosis, files: Sequence[str] = ()) -> list[str]:
         lines.append(_line("not testable", f"{len(d.not_testable)}: {names}"))
     tail = [_line("files", _in_one_folder(files))] if files else []
     return _fit(lines[: LINES - len(tail)] + tail)
+
+
+def tracked(diagnosis: Diagnosis) -> list[str]:
+    """A line for each effect whose size was asked for and that is not named."""
+    return [_line("tracked", f"{e.name}: {words.parameters(e)}") for e in diagnosis.tracked]
 
 
 def _where(d: Diagnosis) -> list[str]:
@@ -116,9 +121,11 @@ def _how_far(gap: HeldOutGap) -> str:
     if gap.shrink is None:
         return f"{before} {unit} {gap.metric} on held-out recordings".replace("  ", " ")
     interval = f" ({ci})" if (ci := words.percent_interval(gap.ci95)) else ""
+    if interval and round(100 * gap.shrink) <= 0:  # else it would be read as an interval of the growth
+        interval = f" (95 % interval of its shrink {ci})"
     margin = f"; {words.points(gap.margin)} on the runner-up" if gap.margin is not None else ""
     value = f"{before} -> {words.number(gap.with_effect)} {unit}".rstrip()
-    return f"held-out gap shrinks by {words.percent(gap.shrink)}{interval}{margin} ({gap.metric} {value})"
+    return f"held-out gap {words.change(gap.shrink)}{interval}{margin} ({gap.metric} {value})"
 
 
 def _first_of(items: Sequence[str]) -> str:

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable
 
 from samrl_core.common.errors import InputError
-from samrl_core.diagnosis.effects import FAMILIES, find_family
+from samrl_core.diagnosis.effects import FAMILIES, Effect, find_family
 from samrl_core.diagnosis.result import Diagnosis, NamedEffect, NextExperiment, ParameterEstimate
 
 VERDICT_LABEL = {
@@ -98,6 +98,13 @@ def parameters(e: NamedEffect) -> str:
     return ", ".join(f"{name} = {parameter(value)}" for name, value in e.parameters.items())
 
 
+def meaning(e: NamedEffect, name: str) -> str:
+    """What a parameter of an effect is, such as its frame; empty where nothing is said of it."""
+    told = FAMILIES.get(e.family)
+    parameters = told.parameters if isinstance(told, Effect) else ()
+    return next((p.meaning for p in parameters if p.name == name), "")
+
+
 def percent(fraction: float | None) -> str:
     """A fraction as per cent; an en dash where there is none. Never rounds to an untrue 0 or 100."""
     if fraction is None or not math.isfinite(fraction):
@@ -106,7 +113,14 @@ def percent(fraction: float | None) -> str:
         return "> 99 %"
     if 0 < fraction <= 0.005:
         return "< 1 %"
-    return f"{100 * fraction:.0f} %"
+    return f"{round(100 * fraction)} %"  # an integer: a float may be -0
+
+
+def change(shrink: float) -> str:
+    """What a gap does that is smaller by this fraction, or larger where it is negative."""
+    if round(100 * shrink) == 0:
+        return "does not shrink"
+    return f"shrinks by {percent(shrink)}" if shrink > 0 else f"grows by {percent(-shrink)}"
 
 
 def probability(value: float | None) -> str:
@@ -123,7 +137,7 @@ def percent_interval(ci: tuple[float, float] | None) -> str:
     """`79 to 86 %`, or nothing."""
     if ci is None or not all(map(math.isfinite, ci)):
         return ""
-    return f"{100 * ci[0]:.0f} to {100 * ci[1]:.0f} %"
+    return f"{round(100 * ci[0])} to {round(100 * ci[1])} %"
 
 
 def points(difference: float | None) -> str:

@@ -223,8 +223,19 @@ def _why_named(
             told = f"{-lead:.0f} more of the torque; simulated motion or wider tolerances put it behind"
         out.append(f"the next best, {runner_ups[0].name}, explains {told}")
     if far.gap is not None and far.gap.shrink is not None:
-        out.append(f"the gap on held-out recordings shrinks by {far.gap.shrink:.0%}")
+        out.append(how_it_moves(far.gap))
     return out
+
+
+def how_it_moves(gap: HeldOutGap) -> str:
+    """What held-out recordings say of the effect that is named; that it does not help there is said so."""
+    assert gap.shrink is not None
+    if round(100 * gap.shrink) > 0:
+        return f"the gap on held-out recordings shrinks by {gap.shrink:.0%}"
+    return (
+        "the gap on held-out recordings does not shrink: its size there is not the one found,"
+        " or something else is off as well"
+    )
 
 
 def hidden_in_noise(named: NamedEffect) -> Decision:

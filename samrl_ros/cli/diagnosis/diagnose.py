@@ -65,7 +65,7 @@ def diagnose_bags(options: DiagnoseOptions) -> int:
         raise InputError(f"{options.out} has a report already; give another --out, reports are not replaced")
     from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
     from samrl_core.diagnosis.findings.tracking import checked_names
-    from samrl_core.diagnosis.report.terminal import summary
+    from samrl_core.diagnosis.report.terminal import summary, tracked
     from samrl_core.diagnosis.report.write_report import report_contents, write_contents
     from samrl_core.diagnosis.selection.selection import SelectionSettings
 
@@ -101,7 +101,7 @@ def diagnose_bags(options: DiagnoseOptions) -> int:
         lost = f"interrupted: {time.monotonic() - began:.0f} s of work are lost, nothing was written"
         screen.print(f"{lost}; the same command begins anew", highlight=False, soft_wrap=True)
         return INTERRUPTED
-    for line in summary(diagnosis, [str(f) for f in files]):
+    for line in (*summary(diagnosis, [str(f) for f in files]), *tracked(diagnosis)):
         screen.print(escape(line), highlight=False, soft_wrap=True)
     for line in applied:
         screen.print(escape(line), highlight=False, soft_wrap=True)

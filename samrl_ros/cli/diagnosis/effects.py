@@ -11,6 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from samrl_core.common.errors import InputError
+from samrl_core.common.names import known_are
 from samrl_core.diagnosis.effects import EVERY_EFFECT, NOT_BY_JOINTS
 from samrl_core.diagnosis.effects.effect import Effect
 from samrl_ros.contract.exit_codes import OK
@@ -54,7 +55,7 @@ def _find(family: str) -> Effect[Any]:
         if effect.family == family:
             return effect
     raise InputError(
-        f"no effect '{family}'; known are {', '.join(dict.fromkeys(e.family for e in EVERY_EFFECT))}"
+        f"no effect '{family}'; {known_are(family, dict.fromkeys(e.family for e in EVERY_EFFECT))}"
     )
 
 

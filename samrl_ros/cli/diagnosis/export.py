@@ -11,6 +11,7 @@ from rich.markup import escape
 
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_file
+from samrl_core.common.names import known_are
 from samrl_core.diagnosis.export.correction import Correction, read_correction, write_correction
 from samrl_core.diagnosis.export.export import TARGETS, Export, write_export
 from samrl_core.diagnosis.export.statement import CONTROLLER, MISSING, NEAREST
@@ -23,7 +24,7 @@ def check_targets(targets: Sequence[str]) -> None:
     """Raises `InputError` for a simulator that is not known."""
     for target in targets:
         if target not in TARGETS:
-            raise InputError(f"unknown simulator {target!r} in --export; known are {', '.join(TARGETS)}")
+            raise InputError(f"unknown simulator {target!r} in --export; {known_are(target, TARGETS)}")
 
 
 def is_report(paths: Sequence[Path]) -> bool:

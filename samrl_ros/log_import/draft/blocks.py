@@ -99,6 +99,8 @@ def read_parts(path: Path, joints: Sequence[str]) -> list[LogPart]:
             (t.name, "") for t in long if t.type.partition("/")[0] not in _KNOWN_PACKAGES
         ]
         if not parts:
+            if not any(t.count for t in topics):
+                raise InputError(f"{path} holds no message; name another bag, or record anew")
             present = ", ".join(f"{t.name} ({t.type})" for t in topics) or "none"
             trees = describe_tree(path) if any(t.type in KINDS for t in topics) else ""
             raise InputError(

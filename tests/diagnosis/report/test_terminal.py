@@ -20,7 +20,7 @@ from samrl_core.diagnosis.effects import (
 )
 from samrl_core.diagnosis.report import words
 from samrl_core.diagnosis.report.html_report import to_html
-from samrl_core.diagnosis.report.terminal import LINES, WIDTH, summary
+from samrl_core.diagnosis.report.terminal import LINES, WIDTH, summary, tracked
 from samrl_core.diagnosis.result import VERDICTS, ParameterEstimate
 from tests.diagnosis.report import samples
 
@@ -116,6 +116,39 @@ def test_an_unknown_gap_names_nothing_and_warns_of_the_nearest() -> None:
     text = "\n".join(summary(samples.diagnosis("none_of_mine")))
     assert "Command delay at arm tool_arm, but it would be wrong" in text
     assert "repeats 12.0 times per turn (+0.81)" in text
+
+
+def test_why_nothing_is_named_is_said_once_and_whole() -> None:
+    """An alarm that is the reason stood there twice, and both times without its end."""
+    there = "1.01 times its fitted size at a commanded effort of -18 N m, "
+    why = f"it would have {there * 2}and 2.4 times here"
+    d = replace(samples.diagnosis("none_of_mine"), reasons=(why,), alarms=(why,))
+    text = " ".join(" ".join(summary(d, FILES)).split())
+    assert text.count(why) == 1 and " alarm " not in text
+    assert "  alarm        another" in summary(replace(d, alarms=(why, "another")), FILES)
+
+
+@pytest.mark.parametrize(
+    ("shrink", "ci95", "said"),
+    [
+        (0.83, (0.79, 0.86), "held-out gap shrinks by 83 % (79 to 86 %)"),
+        (-0.004, (-0.25, 0.225), "held-out gap does not shrink (95 % interval of its shrink -25 to 22 %)"),
+        (-0.07, (-0.2, -0.001), "held-out gap grows by 7 % (95 % interval of its shrink -20 to 0 %)"),
+    ],
+)
+def test_a_gap_that_stays_is_not_said_to_shrink(shrink: float, ci95: tuple[float, float], said: str) -> None:
+    """`shrinks by -0 %` was read as a success by who skims it."""
+    d = samples.diagnosis("effect")
+    assert d.gap is not None
+    assert said in "\n".join(summary(replace(d, gap=replace(d.gap, shrink=shrink, ci95=ci95))))
+
+
+def test_a_size_that_was_asked_for_is_shown() -> None:
+    """`--track` was heard, and answered in report.json alone."""
+    assert tracked(samples.diagnosis("effect")) == []
+    asked = replace(samples.diagnosis("effect"), tracked=(samples.DELAY,))
+    (line,) = tracked(asked)
+    assert line.split()[:2] == ["tracked", "command_delay@arm:tool_arm:"] and "=" in line
 
 
 @pytest.mark.parametrize(

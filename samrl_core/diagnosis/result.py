@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 VERDICTS = ("no_gap", "effect", "ambiguous", "none_of_mine", "not_testable")
+GAPS = ("effect", "ambiguous", "none_of_mine")  # verdicts by which machine and model differ
 PHASES = ("rest", "reversal", "slow", "fast")
 
 

@@ -31,9 +31,9 @@ from samrl_ros.log_import.specs import CsvOptions
 from samrl_ros.log_import.table import Table
 
 TEXT_SUFFIXES = (".csv", ".tsv", ".txt")
-# What readers raise at files that they cannot read; scipy and pandas call some kinds "not implemented".
 _NUMBERS = re.compile(r"(?<![\w.])[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?(?![\w.])")
 _WORDS = re.compile(r"[A-Za-z]{3,}(?<!nan)(?<!NaN)(?<!inf)(?<!Inf)")
+# What readers raise at files that they cannot read; scipy and pandas call some kinds "not implemented".
 _UNREADABLE = (*UNREADABLE, pd.errors.ParserWarning, pd.errors.ParserError, NotImplementedError)
 
 

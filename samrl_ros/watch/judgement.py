@@ -14,11 +14,11 @@ from samrl_core.common.child_process import ends_with_parent
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import room_for
 from samrl_core.diagnosis.report.json_report import read_report
+from samrl_core.diagnosis.result import GAPS
 from samrl_ros.contract.exit_codes import GAP_FOUND, INPUT_REFUSED, OK
 from samrl_ros.watch.windows import LoggedWindow
 
 NO_GAP, REFUSED = "no_gap", "refused"
-GAPS = ("effect", "ambiguous", "none_of_mine")
 NICENESS = 10  # the graph that is watched goes first
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import pytest
 from samrl_core.common.errors import InputError
 from samrl_ros.cli.diagnosis import many
 from samrl_ros.cli.main import run
+from samrl_ros.contract.exit_codes import FAILED, INPUT_REFUSED
 from samrl_ros.recordings.write import write_recording
 from tests.diagnosis import worlds
 from tests.diagnosis.worlds import LIFT
@@ -146,6 +148,25 @@ def test_a_joint_that_began_to_drag(
     begun.clear()
     assert run(["diagnose", "--many", str(six_days), "--out", str(out)]) == 0
     assert not begun  # all is there
+
+
+@pytest.mark.parametrize(("refused", "lasts"), [(True, True), (False, False)])
+def test_a_breakdown_is_no_refusal(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: bool, lasts: bool
+) -> None:
+    """A day whose diagnosis ran out of memory was called refused, and never tried again."""
+    told = "refused: x is not sure:\n  joints: which?" if refused else "Traceback:\nMemoryError: too large"
+
+    def ended(command: list[str], **_: Any) -> subprocess.CompletedProcess[str]:
+        return subprocess.CompletedProcess(command, INPUT_REFUSED if refused else FAILED, "", told)
+
+    monkeypatch.setattr(many.subprocess, "run", ended)
+    touch(tmp_path / "cells/a/d1/x.mcap")
+    assert run(["diagnose", "--many", str(tmp_path / "cells"), "--out", str(tmp_path / "out")]) == 0
+    (job,) = many.find_sets(tmp_path / "cells", tmp_path / "out", ())
+    assert job.finished == lasts
+    (day,) = json.loads((tmp_path / "out/history.json").read_text())["robots"]["a"]["days"]
+    assert day["refusal"] == ("x is not sure: joints: which?" if refused else "MemoryError: too large")
 
 
 def test_a_stopped_diagnosis_is_done_again(

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from samrl_core.diagnosis.result import GAPS
+
 CRASHED = "crashed"  # stands in the place of a verdict when there is no report
 TILE_CHANGE = "tile_change_"  # begins the names of an oracle's arrays (T,), before the channel's
-ALARMS = ("effect", "ambiguous", "none_of_mine")  # verdicts that report a gap
 
 
 @dataclass(frozen=True)
@@ -121,12 +122,12 @@ class Outcome:
     @property
     def alarmed(self) -> bool:
         """Whether a gap was claimed; a crash counts as such, so that it is wrong on a world without one."""
-        return self.verdict in ALARMS or self.verdict == CRASHED
+        return self.verdict in GAPS or self.verdict == CRASHED
 
     @property
     def detected(self) -> bool:
         """Whether a gap was claimed; a crash has detected nothing."""
-        return self.verdict in ALARMS
+        return self.verdict in GAPS
 
     @property
     def family_right(self) -> bool:

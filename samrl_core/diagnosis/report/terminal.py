@@ -8,7 +8,7 @@ from textwrap import wrap
 from samrl_core.diagnosis.effects import FAMILIES
 from samrl_core.diagnosis.report import words
 from samrl_core.diagnosis.report.seen_from import in_short
-from samrl_core.diagnosis.result import Diagnosis, HeldOutGap
+from samrl_core.diagnosis.result import GAPS, Diagnosis, HeldOutGap
 
 LINES = 10
 WIDTH = 110
@@ -34,7 +34,7 @@ def summary(diagnosis: Diagnosis, files: Sequence[str] = ()) -> list[str]:
         lines.append(_line("how far", _how_far(d.gap)))
     if d.verdict == "no_gap" and d.least_sizes:
         lines.append(_line("seen from", f"{in_short(d)}, each alone; less passes"))
-    if d.verdict in ("effect", "none_of_mine", "ambiguous"):
+    if d.verdict in GAPS:
         left = words.remainder(d.unexplained_fraction)
         best = {"effect": "the named", "ambiguous": "the candidate", "none_of_mine": "the best-fitting"}[
             d.verdict

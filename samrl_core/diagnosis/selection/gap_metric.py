@@ -1,4 +1,4 @@
-"""One metric of a gap, the same for nominal, named and true effect: whitened RMS over all channels."""
+"""One metric of a gap, the same for nominal, named and true effect: RMS over all channels in tolerances."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from samrl_core.cell.types.arm_description import ArmDescription
 from samrl_core.common.errors import InputError
 
+RESAMPLES = 400  # of a bootstrap
 CORNER = 10.0  # [rad/s] ASSUMPTION: of a loop that states only one of its gains, or none
 QUANTITIES = ("position", "velocity", "effort", "commanded_effort")
 
@@ -86,3 +87,15 @@ def shrink(nominal: float, with_effect: float) -> float:
     if nominal <= 0:
         return 0.0
     return max(-1.0, 1.0 - with_effect / nominal)
+
+
+def bootstrap_shrink(sums: np.ndarray, rng: np.random.Generator) -> tuple[float, float]:
+    """95 % interval of the shrink by a block bootstrap (Kuensch 1989).
+
+    Args:
+        sums: (K, 2) squared errors before and after, of each block of samples that count as one.
+        rng: draws the blocks.
+    """
+    totals = sums[rng.integers(len(sums), size=(RESAMPLES, len(sums)))].sum(axis=1)
+    low, high = np.quantile([shrink(np.sqrt(b), np.sqrt(a)) for b, a in totals], [0.025, 0.975])
+    return float(low), float(high)

@@ -13,7 +13,7 @@ from samrl_core.common.errors import InputError, LimitError
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.selection.forward_windows import drivable, drive_forward, has_no_law
-from samrl_core.diagnosis.selection.gap_metric import QUANTITIES, channel_scales, shrink
+from samrl_core.diagnosis.selection.gap_metric import QUANTITIES, bootstrap_shrink, channel_scales
 from samrl_core.diagnosis.selection.hypothesis import ONSET, Fit
 from samrl_core.diagnosis.simulation.closed_loop import ClosedLoop, Rollouts
 from samrl_core.diagnosis.simulation.loop_model import LoopModel
@@ -22,7 +22,6 @@ from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
 PIECE_S = 1.0  # of what has no loop: errors of an open loop grow without bound, whatever their cause
 BLOCK_S = 0.5  # of the bootstrap; longer than residuals stay correlated
 UNITS = {"position": "rad", "velocity": "rad/s", "effort": "N m", "commanded_effort": "N m"}
-RESAMPLES = 400
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,8 +260,4 @@ def shrink_interval(
     sums = np.array(blocks)
     if not np.isfinite(sums).all():
         raise LimitError(f"the re-simulation with {plant} diverged on held-out data")
-    resamples = rng.integers(len(sums), size=(RESAMPLES, len(sums)))
-    totals = sums[resamples].sum(axis=1)
-    shrinks = [shrink(np.sqrt(b), np.sqrt(a)) for b, a in totals]
-    low, high = np.quantile(shrinks, [0.025, 0.975])
-    return float(low), float(high)
+    return bootstrap_shrink(sums, rng)

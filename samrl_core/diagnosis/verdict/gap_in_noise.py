@@ -11,13 +11,12 @@ import numpy as np
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.tolerances import unknown_columns
 from samrl_core.diagnosis.result import HeldOutGap, Overlay
-from samrl_core.diagnosis.selection.gap_metric import shrink
+from samrl_core.diagnosis.selection.gap_metric import bootstrap_shrink, shrink
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
 from samrl_core.diagnosis.selection.selection import Selection, held_out_remainder
 
 OVERLAYS = 6
 BLOCKS = 20  # of each recording, that the bootstrap draws
-RESAMPLES = 400
 
 
 def compare_in_noise(
@@ -83,10 +82,7 @@ def _interval(
         for k, piece in enumerate(np.array_split(np.arange(part.start, part.stop), BLOCKS)):
             pair = np.array([np.sum(before[piece] ** 2), np.sum(after[piece] ** 2)])
             sums[r, k] = sums.get((r, k), np.zeros(2)) + pair
-    table = np.array(list(sums.values()))
-    totals = table[rng.integers(len(table), size=(RESAMPLES, len(table)))].sum(axis=1)
-    low, high = np.quantile([shrink(np.sqrt(b), np.sqrt(a)) for b, a in totals if b > 0], [0.025, 0.975])
-    return float(low), float(high)
+    return bootstrap_shrink(np.array(list(sums.values())), rng)
 
 
 def _overlays(held_out: Likelihood, before: np.ndarray, after: np.ndarray | None) -> tuple[Overlay, ...]:

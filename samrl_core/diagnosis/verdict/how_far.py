@@ -14,11 +14,10 @@ from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.result import HeldOutGap, Overlay
 from samrl_core.diagnosis.selection.contenders import MOTION
 from samrl_core.diagnosis.selection.forward_windows import WINDOW_S
-from samrl_core.diagnosis.selection.gap_metric import shrink
+from samrl_core.diagnosis.selection.gap_metric import bootstrap_shrink, shrink
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
 from samrl_core.diagnosis.selection.resimulation import (
     BLOCK_S,
-    RESAMPLES,
     UNITS,
     Resimulation,
     begins,
@@ -319,10 +318,7 @@ def _interval(
         size = max(1, round(BLOCK_S / trial.spacing(channel)))
         for start in range(0, len(b), size):
             sums.append((np.sum(b[start : start + size] ** 2), np.sum(a[start : start + size] ** 2)))
-    table = np.array(sums)
-    totals = table[rng.integers(len(table), size=(RESAMPLES, len(table)))].sum(axis=1)
-    low, high = np.quantile([shrink(np.sqrt(b), np.sqrt(a)) for b, a in totals], [0.025, 0.975])
-    return float(low), float(high)
+    return bootstrap_shrink(np.array(sums), rng)
 
 
 def _log_overlays(

@@ -14,14 +14,13 @@ from samrl_core.cell.types.body_recording import BodyRecording
 from samrl_core.common.array_file import write_arrays
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.export.correction import Correction
+from samrl_core.diagnosis.result import GAPS
 from samrl_ros.cli.diagnosis.library import read_library
 from samrl_ros.cli.diagnosis.load import load, load_one
 from samrl_ros.cli.diagnosis.notes import together
 from samrl_ros.cli.diagnosis.options import DiagnoseOptions
 from samrl_ros.contract.exit_codes import GAP_FOUND, INTERRUPTED, OK
 from samrl_ros.contract.interrupts import held_back
-
-NAMED = ("effect", "ambiguous", "none_of_mine")
 
 
 def diagnose_bags(options: DiagnoseOptions) -> int:
@@ -112,7 +111,7 @@ def diagnose_bags(options: DiagnoseOptions) -> int:
         screen.print(f"nothing was named, so there is nothing to export to {', '.join(options.export)}")
     elif correction is not None:
         export_all(correction, options.export, options.out, options.randomise, screen)
-    return GAP_FOUND if options.fail_on_gap and diagnosis.verdict in NAMED else OK
+    return GAP_FOUND if options.fail_on_gap and diagnosis.verdict in GAPS else OK
 
 
 def _refuse_idle(options: DiagnoseOptions) -> None:

@@ -31,9 +31,10 @@ from samrl_core.common.text_files import parse_yaml, read_text
 from samrl_core.diagnosis.history.history import Day, History, history, in_order, wanted
 from samrl_core.diagnosis.report import words
 from samrl_core.diagnosis.report.json_report import read_report
+from samrl_core.diagnosis.result import GAPS
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.cli.progress import with_progress
-from samrl_ros.contract.exit_codes import GAP_FOUND, INTERRUPTED, OK
+from samrl_ros.contract.exit_codes import GAP_FOUND, INPUT_REFUSED, INTERRUPTED, OK, USAGE
 from samrl_ros.log_import.formats.rosbag import is_mcap
 from samrl_ros.log_import.tables import RARELY_LOGS, SUFFIXES
 
@@ -42,6 +43,8 @@ PATHS = ("urdf", "tolerances", "library", "mapping", "data")  # relative to the 
 ROBOT_OPTIONS = (*PATHS, "arm", "effort", "xacro_arg")  # as on the command line
 SINCE_1970 = 978_307_200.0  # [s] 2001; a log that begins before counts from its own start
 _DATE = re.compile(r"(20\d\d)[-_]?([01]\d)[-_]?([0-3]\d)(?:[T_ -]?([0-2]\d)[-:_]?([0-5]\d))?")
+REFUSED = "refused.txt"  # why a set cannot be used: an answer, as a report is
+FAILED = "failed.txt"  # why its diagnosis broke down: a lack of memory, say; the next run tries it again
 TRACKED = "tracked"  # folder, beside a set's report, of its second diagnosis
 
 
@@ -58,7 +61,7 @@ class RecordingSet:
     @property
     def finished(self) -> bool:
         """Whether there is an answer, a refusal included."""
-        return (self.out / "report.json").exists() or (self.out / "refused.txt").exists()
+        return (self.out / "report.json").exists() or (self.out / REFUSED).exists()
 
 
 def diagnose_many(
@@ -91,7 +94,7 @@ def diagnose_many(
     paths = _write(found, out)
     _show(found, screen)
     screen.print(f"[dim]{'  '.join(map(str, paths))}[/]", soft_wrap=True)
-    gaps = any(day.verdict in ("effect", "ambiguous", "none_of_mine") for day in found.days)
+    gaps = any(day.verdict in GAPS for day in found.days)
     return GAP_FOUND if fail_on_gap and gaps else OK
 
 
@@ -124,7 +127,7 @@ def find_sets(root: Path, out: Path, options: Sequence[str]) -> list[RecordingSe
 
 
 def run_set(job: RecordingSet) -> int:
-    """Diagnose one set in a process of its own; what was refused is kept with its reason.
+    """Diagnose one set in a process of its own; what was refused or broke down is kept with its reason.
 
     Raises:
         InterruptedError: it was stopped from outside; nothing is kept.
@@ -147,7 +150,8 @@ def run_set(job: RecordingSet) -> int:
         raise InterruptedError(f"the diagnosis of {job.path} was stopped; it is done anew next time")
     if process.returncode != OK:
         text = process.stderr.strip() or process.stdout.strip() or f"exit code {process.returncode}"
-        write_whole(job.out / "refused.txt", text[-4000:] + "\n")
+        refused = process.returncode in (INPUT_REFUSED, USAGE)
+        write_whole(job.out / (REFUSED if refused else FAILED), text[-4000:] + "\n")
     return process.returncode
 
 
@@ -179,10 +183,17 @@ def _day(job: RecordingSet, out: Path) -> Day:
         if (again := job.out / TRACKED / "report.json").exists():
             report["tracked"] = read_report(again).get("tracked", [])
         return Day(job.robot, job.name, time_s, report, folder=folder)
-    why = job.out / "refused.txt"
-    lines = why.read_text(encoding="utf-8").strip().splitlines() if why.exists() else ["not diagnosed"]
-    refusal = lines[-1].removeprefix("refused: ")
-    return Day(job.robot, job.name, time_s, None, refusal, folder)
+    return Day(job.robot, job.name, time_s, None, _why_not(job.out), folder)
+
+
+def _why_not(folder: Path) -> str:
+    """Why a set has no report, in one line: a refusal with what it asks, or the last line of a breakdown."""
+    for name in (REFUSED, FAILED):
+        if (folder / name).exists():
+            text = read_text(folder / name, "the reason").strip()
+            _, begins, refusal = text.rpartition("refused: ")
+            return " ".join(refusal.split()) if begins else text.splitlines()[-1]
+    return "not diagnosed"
 
 
 @cache  # asked after each of the two rounds

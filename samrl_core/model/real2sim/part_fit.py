@@ -148,6 +148,7 @@ class PartFit:
         self._weights = weights
         specs = model.task.parameters()
         self._scale, self._lower, self._upper = np.array([[p.scale, p.lower, p.upper] for p in specs]).T
+        self._nominal = np.array([p.nominal for p in specs])
 
     def losses(self, values: np.ndarray, colors: np.ndarray) -> Losses:
         """Eqs. 4 to 6, the mean over the parts that are seen."""
@@ -190,7 +191,7 @@ class PartFit:
             good = tuple(one for one in used if self._fits(one, start, values, (known, colors), worse))
             if len(good) == len(used):
                 why = "iteration_limit" if doubt.any() else why
-                return PoseFit(values, covariance + np.diag(doubt**2), colors, evaluations, why)
+                return PoseFit(values, self._doubted(covariance, doubt, values), colors, evaluations, why)
             for one in used:
                 if one not in good:  # a mask of something else, or a fit that has not arrived yet
                     self._leave(one, start, values, known, colors)
@@ -204,7 +205,17 @@ class PartFit:
         values[camera] = start[camera]
         came_nearer = not np.array_equal(values, start)
         why = "iteration_limit" if came_nearer else "diverged"
-        return PoseFit(values, belief + np.diag(doubt**2), known, evaluations, why)
+        return PoseFit(values, self._doubted(belief, doubt, values), known, evaluations, why)
+
+    def _doubted(self, covariance: np.ndarray, doubt: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """A covariance (P, P) about values (P,), wider by deviations (P,), but by none beyond the prior's.
+
+        About values that lie elsewhere than the nominal ones the prior is as wide as both ways together.
+        Doubt that grows with each image that fits nothing would in the end believe any image that fits.
+        """
+        most = self._scale**2 + (values - self._nominal) ** 2
+        room = np.maximum(most - np.diag(covariance), 0.0)
+        return covariance + np.diag(np.minimum(doubt**2, room))
 
     def _leave(
         self,

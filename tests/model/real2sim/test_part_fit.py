@@ -229,3 +229,16 @@ def test_a_thread_that_came_nearer_without_fitting_is_known_no_better_than_it_wa
     moved = np.abs(after.values - known.values)[angles]
     assert not after.converged and moved.max() > 0.01
     assert (moved < 1.01 * np.sqrt(np.diag(after.covariance)[angles])).all()
+
+
+def test_doubt_after_images_that_fit_nothing_ends_at_what_was_believed_before_them(bench: Bench) -> None:
+    """It grew with each such image, to 42 mm of the thread's end, until one that fitted could say all."""
+    seen, estimate = bench.observe(3), initial_estimate(bench.model)
+    strict = Real2SimSettings(parts=PartSettings(least_overlap=1.01, doubt=0.7))
+    for _ in range(2):
+        estimate = Real2Sim(bench.model, strict).update(estimate, seen)
+    assert not estimate.converged
+    specs = bench.model.task.parameters()
+    prior = np.array([p.scale**2 for p in specs])
+    away = (estimate.values - [p.nominal for p in specs]) ** 2
+    assert (np.diag(estimate.covariance) < 1.01 * (prior + away)).all()

@@ -83,7 +83,7 @@ def _threading() -> Task:
         post_range=0.010,
         softness=3.0,
         usual_policy="optimised",
-        length_range=0.09,
+        length_range=0.20,
         done_margin=0.005,
         fine_step=0.0045,
         force_limit=1.0,

@@ -6,6 +6,7 @@ termination does); `succeeded` uses ground truth and is called by evaluation alo
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Literal
@@ -167,6 +168,10 @@ class Task(ABC):
     def needs_aim(self, values: np.ndarray, tip_position: np.ndarray) -> bool:
         """Whether the next action goes wrong if `aim` is not known: a better view is searched before it."""
         return False
+
+    def held_within(self, values: np.ndarray, tip_position: np.ndarray) -> float:
+        """How long `aim` can be of what has gone in and leaves only on the way that it came; else inf [m]."""
+        return math.inf
 
     def as_believed(self, values: np.ndarray) -> Task:
         """This task with what the parameters (P,) say of its parts' sizes drawn in, for the physics."""

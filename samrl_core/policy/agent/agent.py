@@ -16,6 +16,7 @@ from samrl_core.cell.types.pose import Pose
 from samrl_core.common.errors import InputError, SolveError
 from samrl_core.common.streams import stream
 from samrl_core.model.model import Model
+from samrl_core.model.real2sim.held import held_inside
 from samrl_core.model.real2sim.prediction import (
     CameraErrors,
     camera_kept,
@@ -172,6 +173,8 @@ class Agent:
             several = len(found) > 1
             updates = [self._real2sim.update(one, observation, compared=several) for one in found]
             before, self.estimate = self.estimate, likeliest(updates)
+            if self._tip is not None:
+                self.estimate = held_inside(self.model.task, found[0], self.estimate, self._tip)
             specs = self.model.task.parameters()
             if any(moved_by_contact(before, one, specs) for one in found):
                 self.estimate = camera_kept(before, self.estimate, specs)

@@ -25,8 +25,9 @@ from samrl_core.cell.tasks.needle_threading.thread import (
     length_below,
     points_at,
 )
-from samrl_core.cell.tasks.needle_threading.tool import THREAD_COLOR, hand_with_thread, thread_link
+from samrl_core.cell.tasks.needle_threading.tool import THREAD_COLOR, hand_with_thread, thread_links
 from samrl_core.cell.tasks.needle_threading.unknowns import CAMERA, COUNT, LENGTH, PLACE, TURN, NeedleUnknowns
+from samrl_core.cell.tasks.needle_threading.way_in import WayIn
 from samrl_core.cell.tasks.screen import Screen, bodies_of
 from samrl_core.cell.tasks.start import DOWN, checked_tip, middle_view, require_origin, start_joints
 from samrl_core.cell.tasks.task import Ending, ParameterSpec, SubGoal, Task, ViewRegion
@@ -36,6 +37,7 @@ from samrl_core.common.errors import InputError
 
 NEEDLE = "needle"
 ENTER = "enter"  # the sub-goal that takes the thread's end into the eye of a needle that is found
+_SURELY_IN = 0.006  # an end that is believed so far below the eye is not above it [m]
 _LENGTHS = 0.02  # steps of a thread's length that a physics of its own is built for [-]
 
 
@@ -274,7 +276,8 @@ class NeedleThreading(Task):
         thread, as it hangs, lie in the eye's centre. Empty when done. Where the needle is unknown, `enter`
         takes the end there first.
 
-        An end that is below the eye but not through it first goes up (`clear`).
+        An end that is below the eye but not through it first goes up (`clear`). What is beside the eye by a
+        quarter of its height enters all the same where the needle is found, as `enter` goes there aslant.
         """
         tip = checked_tip(tip_position)
         if self.is_done(values, tip):
@@ -283,26 +286,22 @@ class NeedleThreading(Task):
         end, below = points[-1], length_below(points, self.eye_z)
         numbers = np.arange(1, math.ceil(self._goal_length(points) / self.thread_step) + 1)
         ahead = numbers[numbers * self.thread_step > below + 0.5 * self.thread_step]
+        way = WayIn(self.eye_radius - self.thread_radius, self.hover, aslant=self.finds_needle)
         places = tip + eye - points_at(points, ahead * self.thread_step)
+        places[ahead == 1] += way.aside_at_first(points_at(points, np.array([self.thread_step]))[0] - end)
         goals = [
             SubGoal(f"thread_{k}", place, 0.0015, self.fine_step)
             for k, place in zip(ahead, places, strict=True)
         ]
+        over = eye + [0.0, 0.0, way.height(end[2] - eye[2])] - end
         clear: tuple[SubGoal, ...] = ()
         if below > 0.0:
             if crossing_distance(points, eye) < self.eye_radius:
                 return tuple(goals)
-            up = tip + [0.0, 0.0, self.eye_z + self.hover - end[2]]
-            clear = (SubGoal("clear", up, 0.002, self.free_step),)
-        over = np.array([eye[0], eye[1], self.eye_z + self.hover]) - end
-        lateral = float(np.hypot(over[0], over[1]))
-        clearance = self.eye_radius - self.thread_radius
-        # On the way down more is allowed, or a swing of the thread would send it up again and again.
-        allowed = 0.8 * clearance if over[2] > 0.002 else 0.4 * clearance
-        # Straight down first: a bent thread's next point would draw the end aside of so small an eye.
+            clear = (SubGoal("clear", tip + [0.0, 0.0, over[2]], 0.002, self.free_step),)
         outside = self.finds_needle and float(np.linalg.norm(eye - end)) > 0.0015
         enter = (SubGoal(ENTER, tip + eye - end, 0.0015, self.fine_step),) if outside else ()
-        if not clear and lateral < allowed and over[2] > -0.002:
+        if not clear and way.is_free(end - eye):
             return (*enter, *goals)
         return (*clear, SubGoal("above", tip + over, 0.0015, self.free_step), *enter, *goals)
 
@@ -320,6 +319,12 @@ class NeedleThreading(Task):
         goals = self.sub_goals(values, tip_position)
         ahead = [g.name for g in goals if np.linalg.norm(g.tip_position - tip_position) > g.tolerance]
         return ahead[:1] == [ENTER]
+
+    def held_within(self, values: np.ndarray, tip_position: np.ndarray) -> float:
+        """See `Task`: an end that is farther in than heights are known leaves its eye only upwards."""
+        points, eye = self.thread_points(values, tip_position), self.eye_at(values)
+        inside = self.finds_needle and self._threaded(points, _SURELY_IN, eye)
+        return self.eye_radius - self.thread_radius if inside else math.inf
 
     def is_done(self, values: np.ndarray, tip_position: np.ndarray) -> bool:
         """By the estimate, the thread is in the eye and its end far enough below."""
@@ -388,12 +393,7 @@ class NeedleThreading(Task):
         return hanging_length(points, self.success_depth + 2 * self.done_margin, self.thread_step, whole)
 
     def _tool(self) -> Tool:
-        chain = tuple(
-            thread_link(
-                f"thread_{i}", self.link_length, self.thread_radius, self.link_mass, self.stiffness,
-                self.damping, self.thread_friction, self.thread_label,
-                self.link_colors[i % len(self.link_colors)],
-            )
-            for i in range(self.links)
-        )  # fmt: skip
+        inside = (self.link_mass, self.stiffness, self.damping, self.thread_friction)
+        shape = (self.links, self.link_colors, self.link_length, self.thread_radius)
+        chain = thread_links(*shape, *inside, self.thread_label)
         return hand_with_thread(chain, self.thread_radius, self.thread_friction, self.tool_label)

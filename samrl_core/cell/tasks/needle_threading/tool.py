@@ -48,6 +48,24 @@ def thread_link(
     )
 
 
+def thread_links(
+    count: int,
+    colors: tuple[Rgb, ...],
+    length: float,
+    radius: float,
+    mass: float,
+    stiffness: float,
+    damping: float,
+    friction: float,
+    label: int,
+) -> tuple[ChainLink, ...]:
+    """So many links from the gripper down, their colours in turn. SI units, each link's own."""
+    inside = (mass, stiffness, damping, friction, label)
+    return tuple(
+        thread_link(f"thread_{i}", length, radius, *inside, colors[i % len(colors)]) for i in range(count)
+    )
+
+
 def capsule_inertia(radius: float, length: float, mass: float) -> np.ndarray:
     """Inertia (3, 3) [kg m2] of a solid capsule about its centre; `length` is between its ends' centres."""
     cylinder, ball = np.array([length, 4 / 3 * radius]) * mass / (length + 4 / 3 * radius)

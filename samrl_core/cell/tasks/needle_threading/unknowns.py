@@ -25,7 +25,7 @@ class NeedleUnknowns:
 
     place: float  # the eye is within +- this of where it is drawn, in x and y [m]
     turn: float = 0.1  # standard deviation [rad]
-    # Within +- this share of the drawn one [-]. Its bounds are three times as far: cells that nobody measured
+    # Within +- this share of the drawn one [-]. Its bounds are half as far again: cells that nobody measured
     # have such threads, and a second view tells the length to a hundredth, whatever was believed.
     length: float = 0.0
     camera: float = 0.0025  # standard deviation per axis [m]
@@ -37,7 +37,7 @@ class NeedleUnknowns:
             ("needle_x", "m", eye_x, place, 2.0 * self.place),
             ("needle_y", "m", eye_y, place, 2.0 * self.place),
             ("needle_turn", "rad", 0.0, self.turn, 4.0 * self.turn),
-            ("thread_length", "-", 1.0, length, 3.0 * self.length),
+            ("thread_length", "-", 1.0, length, 1.5 * self.length),
         )
         constant = (
             ParameterSpec(name, unit, middle, scale, middle - far, middle + far, "constant")

@@ -9,11 +9,14 @@ import pytest
 
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
+from samrl_core.cell.tasks.needle_threading.task import NeedleThreading
 from samrl_core.model.model import Model
 from samrl_core.model.real2sim.held import held_inside
 from samrl_core.model.real2sim.real2sim import Estimate, initial_estimate
 
-TASK = task_named("needle_threading_hard")
+NAMED = task_named("needle_threading_hard")
+assert isinstance(NAMED, NeedleThreading)
+TASK: NeedleThreading = NAMED
 CLEARANCE = 0.002  # radius of the eye less that of the thread [m]
 
 
@@ -22,7 +25,7 @@ def inside() -> tuple[Estimate, np.ndarray]:
     """A straight thread whose end hangs 13 mm below its eye, and the tip."""
     before = initial_estimate(Model(TASK, cell_named()))
     tip = np.array([0.5, 0.0, 0.0])
-    points = TASK.thread_points(before.values, tip)  # type: ignore[attr-defined]
+    points = TASK.thread_points(before.values, tip)
     return before, tip + [0.0, 0.0, 0.12 - 0.013 - points[-1, 2]]
 
 

@@ -61,6 +61,20 @@ FORMS = (
 )
 
 
+def _both_ways(order: int) -> Gain:
+    """Butterworth's forwards and backwards at a faster rate: no delay, twice the order."""
+    return lambda corner, share: _faster(order)(corner, share) ** 2
+
+
+# What those who publish a log filter it by before they thin it out: at a quarter of the rate it is left with,
+# where neither white noise nor motion stands alone (SARCOS' matrices are of that kind).
+OFFLINE = tuple(Form(0.0, _both_ways(order)) for order in (2, 3, 4))
+OFFLINE_CORNERS = np.geomspace(0.35, 0.01, 100)
+OFFLINE_ABOVE = (1.0, 1.25, 1.5)  # times the band, the first from where on the spectrum is such a filter's
+OFFLINE_HIGHEST = 0.48
+SCATTER = 2.1  # variance of the logarithm of a median over blocks, times their number
+
+
 @dataclass(frozen=True)
 class LowPass:
     """A low-pass of a log, the weakest that noise speaks for.
@@ -76,6 +90,8 @@ class LowPass:
     corner: float
     rate: float
     band: float
+    begins: float = 0.0  # share of the rate from which on, and up to which, the spectrum is the filter's
+    ends: float = HIGHEST
 
     @property
     def lag_s(self) -> float:
@@ -85,7 +101,7 @@ class LowPass:
     def noise(self, x: np.ndarray) -> np.ndarray:
         """Deviation (J,) of white noise that has as much power within the band as that of readings (F, J)."""
         assert self.form is not None
-        share, power = _spectra(x, self.rate, self.band)
+        share, power = _spectra(x, self.rate, self.begins, self.ends)
         corner = np.array([[self.corner]])
         behind = np.log(self.form.gain(corner, share)[0])
         level = np.exp(np.mean(np.log(np.maximum(power, 1e-300)) - behind[:, None], axis=0))
@@ -102,7 +118,8 @@ def find_low_pass(x: np.ndarray | None, rate: float, band: float) -> LowPass:
     none = LowPass(None, 0.0, rate, band)
     if x is None or len(x) < LEAST_BLOCKS * BLOCK:
         return none
-    share, power = _spectra(x, rate, band)
+    begins = max(ABOVE * band / rate, LOWEST)
+    share, power = _spectra(x, rate, begins, HIGHEST)
     tells = np.min(power, axis=0, initial=np.inf) > 0.0
     if len(share) < LEAST_BINS or not tells.any():
         return none
@@ -119,12 +136,47 @@ def find_low_pass(x: np.ndarray | None, rate: float, band: float) -> LowPass:
     weakest = float(CORNERS[misfit < best * (1.0 + UNSURE / seen.size)][0])
     if weakest * rate < band:
         return none  # a motion that reverses all the time: no driver hides what an arm does
-    return LowPass(form, weakest, rate, band)
+    return LowPass(form, weakest, rate, band, begins)
 
 
-def _spectra(x: np.ndarray, rate: float, band: float) -> tuple[np.ndarray, np.ndarray]:
+def find_any_filter(x: np.ndarray | None, rate: float, band: float) -> LowPass:
+    """The driver's filter, or the one that a published log passed; arguments as below."""
+    found = find_low_pass(x, rate, band)
+    return found if found.form is not None else find_offline_filter(x, rate, band)
+
+
+def find_offline_filter(x: np.ndarray | None, rate: float, band: float) -> LowPass:
+    """The filter forwards and backwards that readings (F, J) passed before they were published.
+
+    As `find_low_pass`, up to the log's last frequencies; motion may reach beyond the band, so that the lowest
+    frequency from which on the spectrum is that of such a filter is sought too.
+    """
+    none = LowPass(None, 0.0, rate, band)
+    if x is None or len(x) < LEAST_BLOCKS * BLOCK:
+        return none
+    blocks = 2 * len(x) // BLOCK - 1
+    for times in OFFLINE_ABOVE:
+        begins = times * band / rate
+        share, power = _spectra(x, rate, begins, OFFLINE_HIGHEST)
+        tells = np.min(power, axis=0, initial=np.inf) > 0.0
+        if len(share) < LEAST_BINS or not tells.any():
+            return none
+        seen = np.log(power[:, tells])
+        white = float(np.mean((seen - seen.mean(axis=0)) ** 2))
+        fits = []
+        for form in OFFLINE:
+            off = seen - np.log(form.gain(OFFLINE_CORNERS[:, None], share))[:, :, None]
+            fits.append(np.mean((off - off.mean(axis=1, keepdims=True)) ** 2, axis=(1, 2)))
+        form, misfit = min(zip(OFFLINE, fits, strict=True), key=lambda fit: float(fit[1].min()))
+        best, corner = float(misfit.min()), float(OFFLINE_CORNERS[int(np.argmin(misfit))])
+        if best < FITS + SCATTER / blocks and best < EXPLAINED * white and corner * rate >= band:
+            return LowPass(form, corner, rate, band, begins, OFFLINE_HIGHEST)
+    return none
+
+
+def _spectra(x: np.ndarray, rate: float, begins: float, ends: float) -> tuple[np.ndarray, np.ndarray]:
     """Shares (bins,) of the rate where there is noise alone, and its power (bins, J) per hertz."""
     frequency, power = signal.welch(x, fs=rate, nperseg=BLOCK, axis=0, detrend="linear", average="median")
     share = frequency / rate
-    noise = (share > max(ABOVE * band / rate, LOWEST)) & (share < HIGHEST)
+    noise = (share > begins) & (share < ends)
     return share[noise], power[noise]

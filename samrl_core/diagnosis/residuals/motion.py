@@ -15,7 +15,7 @@ import numpy as np
 from samrl_core.cell.types.arm_description import HELD, ArmController
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.diagnosis.residuals.control_law import LawTerms, held_values, infers_speed, law_terms
-from samrl_core.diagnosis.residuals.low_pass import find_low_pass
+from samrl_core.diagnosis.residuals.low_pass import find_any_filter, find_offline_filter
 from samrl_core.diagnosis.residuals.sample_times import SampleTimes, sample_times
 from samrl_core.diagnosis.residuals.signal_band import SignalBand, held_on_grid, nearest, onto_grid
 from samrl_core.diagnosis.residuals.signal_noise import (
@@ -27,6 +27,7 @@ from samrl_core.diagnosis.residuals.signal_noise import (
     tells_accelerations,
     white_noise,
     without_differences,
+    without_filtered_rate,
 )
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
@@ -47,7 +48,7 @@ class RecordedMotion(SignalBand):
     def __init__(self, recording: ArmRecording, arm: RigidArm | None, start_s: float = 0.0) -> None:
         """Resample and filter; `start_s` is the time since the first recording's start (for slow drifts)."""
         self.recording, self.arm, self.start_s = recording, arm, start_s
-        states = without_differences(recording.states)
+        states = without_filtered_rate(without_differences(recording.states), DIFFERENCED_HZ)
         self._taken = sample_times(states.time, states.position, states.velocity, states.filtered_velocity)
         ticks = self._taken.ticks
         period = float(np.median(np.diff(ticks)))
@@ -319,13 +320,14 @@ class RecordedMotion(SignalBand):
 
     @cached_property
     def noise(self) -> Noise:
-        """White noise levels of the raw channels, behind drivers' filters as it is within the band."""
-        filtered = (None, self.raw_velocity, self.raw_effort, None if self.computed else self.given)
-        none, speed, sensor, drive = (find_low_pass(x, self.rate, self.band) for x in filtered)
+        """White noise levels of the raw channels, behind filters as it is within the band."""
+        filtered = (self.raw_velocity, self.raw_effort, None if self.computed else self.given)
+        speed, sensor, drive = (find_any_filter(x, self.rate, self.band) for x in filtered)
+        place = find_offline_filter(self.raw_position, self.rate, self.band)
         read = (self.raw_position, self.raw_velocity, self.raw_effort, self.raw_commanded)
         position, velocity, effort, sent = (
             np.zeros(self.joints) if x is None else noise_behind(x, behind)
-            for x, behind in zip(read, (none, speed, sensor, drive), strict=True)
+            for x, behind in zip(read, (place, speed, sensor, drive), strict=True)
         )
         # While a coarse encoder rests it is silent: rests must not speak for the motion.
         position = np.maximum(position, self.reading_step / np.sqrt(12.0))

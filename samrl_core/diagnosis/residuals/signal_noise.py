@@ -9,9 +9,11 @@ from scipy import ndimage, signal
 from scipy.interpolate import make_interp_spline
 
 from samrl_core.cell.types.arm_recording import JointSignal
-from samrl_core.diagnosis.residuals.low_pass import LowPass
+from samrl_core.diagnosis.residuals.low_pass import LowPass, find_offline_filter
 
 DIFFERENCED = 1e-6  # of the largest velocity: rounding of what is the same
+UNEVEN = 0.01  # relative, of a published log's steps
+APART = 0.1  # of a velocity's power where there is noise, by which the positions' derivative may miss it
 SURE_SPAN_S = 2.0  # of the spectra that tell a motion from noise
 SURE_SAMPLES = 64  # of them, at least
 FAST_HZ = 60.0  # a log of such a rate follows what arms do; a slower one must show that it does
@@ -56,6 +58,36 @@ def without_differences(states: JointSignal) -> JointSignal:
     difference = np.gradient(states.position, states.time, axis=0) - states.velocity
     same = np.abs(difference).max() <= DIFFERENCED * np.abs(states.velocity).max()
     return replace(states, velocity=None) if same else states
+
+
+def without_filtered_rate(states: JointSignal, band: float) -> JointSignal:
+    """States without a velocity that was worked out of the positions before both were filtered and published.
+
+    It differs from the difference of what was published, which has fewer samples, and is no reading either.
+
+    Args:
+        states: as logged.
+        band: up to which motions are compared where positions are differenced [Hz].
+    """
+    q, dq, time = states.position, states.velocity, states.time
+    if q is None or dq is None or len(states) < 3:
+        return states
+    steps = np.diff(time)
+    rate = 1.0 / float(np.median(steps))
+    if np.abs(steps * rate - 1.0).max() > UNEVEN:
+        return states
+    behind = find_offline_filter(q, rate, min(band, rate / 5.0))
+    if behind.form is None:
+        return states
+    ticks = np.arange(len(q))
+    derived = make_interp_spline(ticks, q, k=7)(ticks, nu=1) * rate
+    length = min(len(q), SURE_SAMPLES)
+    frequency, own = signal.welch(dq, fs=rate, nperseg=length, axis=0)
+    _, apart = signal.welch(dq - derived, fs=rate, nperseg=length, axis=0)
+    inside = (frequency > behind.begins * rate) & (frequency < behind.corner * rate)
+    if not inside.any() or np.median(apart[inside] / np.maximum(own[inside], 1e-300), axis=0).max() > APART:
+        return states
+    return replace(states, velocity=None)
 
 
 def quantum(position: np.ndarray) -> np.ndarray:

@@ -4,7 +4,8 @@
     drive       commanded effort  -  nominal rotor inertia and friction  -  link-side effort
     link        link-side effort  -  inverse dynamics of URDF and tool
     dynamics    drive + link, where only one effort was recorded
-    tracking    command  -  position, where no effort or no model exists
+    tracking    command  -  position, where no effort or no model exists; with a law and a model, what the
+                nominal machine makes of the command  -  position
 
 Each is zero for a nominal arm. An unmodelled effect appears in the stage in which it acts, which is what
 tells a payload (link) from a weak drive (drive) or a changed gain (controller).
@@ -19,6 +20,7 @@ import numpy as np
 from samrl_core.cell.robots.joint_dynamics import joint_dynamics
 from samrl_core.cell.types.arm_description import HELD, ArmDescription
 from samrl_core.diagnosis.residuals.basis_functions import smooth_sign
+from samrl_core.diagnosis.residuals.followed import followed_position
 from samrl_core.diagnosis.residuals.motion import RecordedMotion
 from samrl_core.diagnosis.residuals.noise_color import NoiseColor
 from samrl_core.diagnosis.residuals.rest import widen_at_rest
@@ -61,6 +63,7 @@ class Equations:
     law: np.ndarray | None  # (F, J) commanded effort by the described law at full rate [N m]
     lag: int  # [samples] by which states were shifted
     model: np.ndarray | None = None  # (N, J) link-side torque of the nominal model along the motion [N m]
+    followed: np.ndarray | None = None  # (F, J) positions of the simulated nominal machine, without torques
     color: dict[str, NoiseColor] = field(default_factory=dict)  # channel -> of its noise; absent: white
 
     @property
@@ -124,11 +127,14 @@ def form_equations(motion: RecordedMotion) -> Equations:
         if motion.command is not None:
             command = motion.command.position
             assert command is not None and motion.raw_position is not None
-            residual["tracking"] = motion.reduce(command - motion.raw_position)
+            followed = followed_position(motion)
+            wanted = command if followed is None else followed
+            residual["tracking"] = motion.reduce(wanted - motion.raw_position)
             noise = np.sqrt(motion.band_share) * motion.noise.position
             level = np.hypot(noise + 1e-4, _resolution(motion.raw_position))
             residual["tracking"] *= settled(motion)
             sigma["tracking"] = _spread(level, residual["tracking"])
+            return Equations(motion, residual, sigma, law, lag, followed=followed)
         return Equations(motion, residual, sigma, law, lag)
     assert rigid is not None
     scale = scale_limits(arm, rigid, motion)
@@ -190,7 +196,7 @@ def form_equations(motion: RecordedMotion) -> Equations:
         sigma["dynamics"] = _unknown_wider(sigma["dynamics"], motion, rigid)
         if motion.computed:
             sigma["dynamics"] = _past_wider(widen_at_edges(sigma["dynamics"], motion), motion, scale)
-    return Equations(motion, residual, sigma, law, lag, model, color)
+    return Equations(motion, residual, sigma, law, lag, model, color=color)
 
 
 def _made_by_the_band(motion: RecordedMotion, rigid: RigidArm) -> np.ndarray:

@@ -61,7 +61,7 @@ def _tolerances(trial: Trial, widened: float) -> list[tuple[Columns, float, floa
         stamp = max(tolerances.stamp, 0.5 / motion.rate)
         for j in joints:
             out.append((trial.tracking(j, motion.derivative(motion.q[:, j])[None]), stamp, None))
-        return out
+        return out + [(columns, std, None) for columns, std in _gives_way(trial, tolerances)]
     rigid = trial.rigid
     assert rigid is not None
     offset = _per_joint(tolerances.torque_offset, trial) * trial.scale
@@ -99,6 +99,26 @@ def _tolerances(trial: Trial, widened: float) -> list[tuple[Columns, float, floa
     others += _stamps(trial, tolerances) + _late_speeds(trial, tolerances) + _motors(trial, tolerances)
     out += [(columns, std, None) for columns, std in others]
     return [item for item in out if item[1] > 0]
+
+
+def _gives_way(trial: Trial, tolerances: Tolerances) -> list[tuple[Columns, float]]:
+    """How far a simulated servo may give way more or less than it does, and stick elsewhere."""
+    motion, followed = trial.motion, trial.equations.followed
+    command, controller = motion.command, motion.controller
+    if followed is None or controller is None or command is None or command.position is None:
+        return []
+    error = motion.reduce(command.position - followed)
+    motor = float(np.max(np.asarray(tolerances.motor_constant)))
+    share = float(np.linalg.norm([tolerances.mass, tolerances.inertia, motor, CONTROLLER_GAIN]))
+    turns = smooth_sign(motion.sure_velocity, FLOOR_WIDTHS[-2])
+    friction = _per_joint(tolerances.coulomb_friction, trial) * trial.scale
+    out: list[tuple[Columns, float]] = []
+    for j in range(trial.joints):
+        out.append((trial.tracking(j, error[None, :, j]), share))
+        if controller.stiffness[j] > 0:
+            sticks = trial.tracking(j, motion.reduce(turns)[None, :, j])
+            out.append((sticks, float(friction[j] / controller.stiffness[j])))
+    return [(columns, std) for columns, std in out if std > 0]
 
 
 def _driven(

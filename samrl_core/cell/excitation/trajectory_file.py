@@ -100,10 +100,7 @@ class TrajectoryFile:
         Raises:
             InputError: naming file, key, value, limit and remedy.
         """
-        try:
-            data = parse_yaml(read_text(path, "the trajectory"), str(path), _StrictLoader)
-        except InputError as error:
-            raise InputError(f"{path} cannot be read as YAML: {error}") from error
+        data = parse_yaml(read_text(path, "the trajectory"), str(path), _StrictLoader)
         try:
             return cls._from_mapping(data)
         except InputError as error:

@@ -80,7 +80,7 @@ GOOD = "schema: 1\narm: tool_arm\nkind: slow\n"
         (GOOD + "parameters: {poses: 2.5}\n", "poses is 2.5, must be an integer from 2"),
         (GOOD + "parameters: {seed: true}\n", "seed is True"),
         ("schema: 1\narm: tool_arm\nkind: chirp\nparameters: {band: [9, 2]}\n", "must be two rising"),
-        ("schema: [1\n", "cannot be read as YAML"),
+        ("schema: [1\n", "is no YAML"),
     ],
 )
 def test_bad_files_are_refused_by_key_value_and_limit(tmp_path, text, message):
@@ -88,12 +88,16 @@ def test_bad_files_are_refused_by_key_value_and_limit(tmp_path, text, message):
     path.write_text(text)
     with pytest.raises(InputError, match=message) as refusal:
         TrajectoryFile.read(path)
-    assert str(path) in str(refusal.value)
+    assert str(refusal.value).count(str(path)) == 1
 
 
 def test_missing_file(tmp_path):
-    with pytest.raises(InputError, match="cannot be read"):
-        TrajectoryFile.read(tmp_path / "none.yaml")
+    path = tmp_path / "none.yaml"
+    with pytest.raises(InputError) as refusal:
+        TrajectoryFile.read(path)  # it said twice that it cannot be read, once as if it were no YAML
+    assert (
+        str(refusal.value) == f"the trajectory: cannot read {path}: No such file or directory; check the path"
+    )
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,7 @@ from samrl_core.cell.robots.joint_dynamics import joint_dynamics
 from samrl_core.cell.types.arm_description import HELD, ArmDescription
 from samrl_core.diagnosis.residuals.basis_functions import smooth_sign
 from samrl_core.diagnosis.residuals.followed import followed_position
+from samrl_core.diagnosis.residuals.goal_phase import widen_with_goals
 from samrl_core.diagnosis.residuals.motion import RecordedMotion
 from samrl_core.diagnosis.residuals.noise_color import NoiseColor
 from samrl_core.diagnosis.residuals.rest import widen_at_rest
@@ -169,7 +170,7 @@ def form_equations(motion: RecordedMotion) -> Equations:
         level = np.hypot(level, np.hypot(_between_commands(motion), _fast_walk(motion)))
         # What an integral held when the recording began is unknown, and no part of a formula.
         own = residual["controller"] - np.where(integrates(arm), residual["controller"].mean(axis=0), 0.0)
-        wider = widen_where_held(_spread(level, own), motion, rounded)
+        wider = widen_where_held(widen_with_goals(_spread(level, own), motion, raw), motion, rounded)
         wider = _past_wider(widen_at_edges(wider, motion), motion, scale)
         sigma["controller"] = np.maximum(wider, LEAST_NOISE * scale)  # no law, no effort: nothing is off
     if u is not None and tau is not None:
@@ -194,6 +195,8 @@ def form_equations(motion: RecordedMotion) -> Equations:
         spread = _spread(level, residual["dynamics"])
         sigma["dynamics"] = widen_at_rest(spread, motion, scale, color["dynamics"])
         sigma["dynamics"] = _unknown_wider(sigma["dynamics"], motion, rigid)
+        if "controller" in residual:
+            sigma["dynamics"] = widen_with_goals(sigma["dynamics"], motion, raw)
         if motion.computed:
             sigma["dynamics"] = _past_wider(widen_at_edges(sigma["dynamics"], motion), motion, scale)
     return Equations(motion, residual, sigma, law, lag, model, color=color)

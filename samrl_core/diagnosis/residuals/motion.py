@@ -62,7 +62,7 @@ class RecordedMotion(SignalBand):
         self.joints = len(recording.arm.joints)
         self.time = np.arange(ticks[0], ticks[-1] + 0.5 / rate, 1.0 / rate)
         self.raw_position, self.raw_velocity, self.raw_effort, self.filtered_velocity = (
-            onto_grid(self._taken, x, self.time, self._holds_commands)
+            onto_grid(self._taken, x, self.time, self.holds_commands)
             for x in (states.position, states.velocity, states.effort, states.filtered_velocity)
         )
         position = self.raw_position
@@ -143,13 +143,13 @@ class RecordedMotion(SignalBand):
         )
 
     @property
-    def _holds_commands(self) -> bool:
+    def holds_commands(self) -> bool:
         """Whether the described controller keeps each command until the next one."""
         return self.controller is not None and self.controller.between_commands == HELD
 
     def _tracked(self, time: np.ndarray, values: np.ndarray | None) -> np.ndarray | None:
         """A command's part (F, J) as the controller follows it between two stamps."""
-        if not self._holds_commands:
+        if not self.holds_commands:
             return None if values is None else onto_grid(self._times(time, values), values, self.time)
         # Beside a recorded torque the law is read at the instant of its sample.
         mean = self.recording.commanded_effort is None and self.raw_effort is None

@@ -23,6 +23,7 @@ from samrl_core.diagnosis.residuals.equations import (
     integrates,
 )
 from samrl_core.diagnosis.residuals.field_time import straight_time
+from samrl_core.diagnosis.residuals.goal_phase import reading_time, tooth_rates
 from samrl_core.diagnosis.residuals.late_law import late_law_change
 from samrl_core.diagnosis.residuals.motion import RecordedMotion
 from samrl_core.diagnosis.residuals.signal_noise import white_noise
@@ -96,7 +97,8 @@ def _tolerances(trial: Trial, widened: float) -> list[tuple[Columns, float, floa
         for j in joints:
             soft = trial.link(trial.deflection(j, trial.transmitted[None, :, j]))
             others.append((soft, COMPLIANCE / max(trial.scale[j], 1e-9)))
-    others += _stamps(trial, tolerances) + _late_speeds(trial, tolerances) + _motors(trial, tolerances)
+    others += _stamps(trial, tolerances) + _within_goals(trial)
+    others += _late_speeds(trial, tolerances) + _motors(trial, tolerances)
     out += [(columns, std, None) for columns, std in others]
     return [item for item in out if item[1] > 0]
 
@@ -241,6 +243,21 @@ def _late_speeds(trial: Trial, tolerances: Tolerances) -> list[tuple[Columns, fl
     wound = controller.law.of_joints("velocity_integral", trial.joints)  # but for what it held at the start
     torque = controller.damping * motion.sure_acceleration + wound * motion.sure_velocity  # per second
     return [(trial.controller(j, torque[None, :, j]), late) for j in range(trial.joints)]
+
+
+def _within_goals(trial: Trial) -> list[tuple[Columns, float]]:
+    """At which time between two held goals torques were read, the same at all joints.
+
+    The motion feels the mean of a tooth of which a log holds one place. What speaks of the law itself reads
+    both at that place.
+    """
+    late = reading_time(trial.motion)
+    if late == 0.0:
+        return []
+    return [
+        (add(*(trial.drive(j, rate[None, :, j]) for j in range(trial.joints))), late)
+        for rate in tooth_rates(trial.motion)
+    ]
 
 
 def _motors(trial: Trial, tolerances: Tolerances) -> list[tuple[Columns, float]]:

@@ -18,12 +18,13 @@ def _swing(
     damping: wp.float64,
     gap: wp.float64,
     h: wp.float64,
+    first: wp.float64,
     out: wp.array(dtype=wp.float64),
 ):
     zero = wp.float64(0.0)
-    angle = torque[0] / stiffness - gap
-    if torque[0] > zero:
-        angle = torque[0] / stiffness + gap
+    angle = first / stiffness - gap
+    if first > zero:
+        angle = first / stiffness + gap
     speed = zero
     for i in range(torque.shape[0]):
         ahead = angle + h * speed
@@ -46,17 +47,27 @@ def _swing(
 
 
 def sprung_link(
-    torque: np.ndarray, inertia: np.ndarray, stiffness: float, damping: float, gap: float, period_s: float
+    torque: np.ndarray,
+    inertia: np.ndarray,
+    stiffness: float,
+    damping: float,
+    gap: float,
+    period_s: float,
+    first: float | None = None,
 ) -> np.ndarray:
     """Deflection (F,) [rad] under the torque (F,) [N m] that following rigidly would take.
 
     M d2delta/dt2 = torque - K dz(delta) - D ddelta/dt, with dz the dead zone of half width `gap` [rad], M the
-    link's inertia (F,) [kg m2]. Implicit Euler: a spring too stiff for the sampling just follows.
+    link's inertia (F,) [kg m2]. It begins at rest under the torque `first` [N m], by default the first of
+    all; a wrong one swings for long. Implicit Euler: a spring too stiff for the sampling just follows.
     """
     start_warp()
+    start = float(torque[0]) if first is None else first
     arrays: list[Any] = [
         wp.from_numpy(np.ascontiguousarray(x, dtype=np.float64), device="cpu") for x in (torque, inertia)
     ]
     out = wp.zeros(len(torque), dtype=wp.float64, device="cpu")
-    wp.launch(_swing, 1, inputs=[*arrays, stiffness, damping, gap, period_s], outputs=[out], device="cpu")
+    wp.launch(
+        _swing, 1, inputs=[*arrays, stiffness, damping, gap, period_s, start], outputs=[out], device="cpu"
+    )
     return out.numpy()

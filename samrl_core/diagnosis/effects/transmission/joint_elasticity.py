@@ -131,8 +131,8 @@ class SwingingLink(Form):
     def twist(self, trial: Trial, shape: Shape) -> np.ndarray:
         """Deflection (F,) [rad] of the link under the torque that it would take to follow what was read."""
         motion, key = trial.motion, ("as read", "torque")
+        assert trial.rigid is not None
         if key not in trial.cached:
-            assert trial.rigid is not None
             trial.cached[key] = trial.rigid.inverse_dynamics(
                 motion.full_position, motion.full_velocity, motion.full_acceleration
             )
@@ -146,7 +146,9 @@ class SwingingLink(Form):
         load, mass = np.interp(fine, ticks, torque), np.interp(fine, ticks, inertia)
         # The weight of a link that gives way pulls it back, or further.
         held = shape["K"] + max(float(np.mean(trial.stiffness[:, self.joint, self.joint])), -0.5 * shape["K"])
-        return sprung_link(load, mass, held, shape["d"], 0.0, 1.0 / (motion.rate * steps))[::steps]
+        # Most logs begin at rest. An acceleration twice differenced at a log's end is a kick that rings on.
+        weight = float(trial.rigid.gravity(motion.full_position[:1])[0, self.joint])
+        return sprung_link(load, mass, held, shape["d"], 0.0, 1.0 / (motion.rate * steps), weight)[::steps]
 
     def share_of_motion(self, trial: Trial, angle: np.ndarray, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
         """Frequencies [Hz] and the share of a deflection (N,) that is no answer to a reading's noise.

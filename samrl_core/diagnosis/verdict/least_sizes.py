@@ -6,9 +6,11 @@ before the data, with C = S (S G S + I)^-1 S as in `Evidence.fit`. Where that is
 decides: about every other error of that size is named. Beside it the same were nothing else off by anything,
 the bound by information: what lies between the two are tolerances, which their owner may know better.
 
-Where a shape stands beside an amplitude (where a payload's centre is), the size is that of the middle one of
-the shapes that are searched. What is there or not (a delay) has a shape for its size. Where an effect of some
-size takes away what it would be seen by (light that drives colours to white), what is left must show it.
+Where an effect may be one of several things (an actuator's gain of its motor or of its supply, a payload on
+one axis of the flange or another), the size is that of the thing that is seen last. Where a shape stands
+beside an amplitude (how far out a payload is), it is that of the middle one of the shapes that are searched.
+What is there or not (a delay) has a shape for its size. Where an effect of some size takes away what it would
+be seen by (light that drives colours to white), what is left must show it.
 """
 
 from __future__ import annotations
@@ -45,8 +47,12 @@ def least_sizes(evidence: Evidence, pool: Sequence[Hypothesis], threshold: float
     sought = _Sought(evidence, wide, threshold)
     out: list[LeastSize] = []
     for _, at_place in groupby(filter(_is_told, pool), key=lambda h: h.name):
-        forms = groupby(at_place, key=lambda h: id(h.form))
-        out += _nearest([size for _, shapes in forms for size in sought.sizes(list(shapes))])
+        forms = [list(shapes) for _, shapes in groupby(at_place, key=lambda h: id(h.form))]
+        things: dict[str, list[LeastSize]] = {}
+        for shapes in forms:
+            things.setdefault(shapes[0].form.thing, []).extend(sought.sizes(shapes))
+        own = [_nearest(sizes) for thing, sizes in things.items() if thing or len(things) == 1]
+        out += pick_last(own)
     return out
 
 
@@ -64,6 +70,20 @@ def _nearest(sizes: Sequence[LeastSize]) -> list[LeastSize]:
             best[one.parameter] = one
     shown = [one for one in best.values() if np.isfinite([*one.stated, *one.exact]).any()]
     return shown or list(best.values())[:1]
+
+
+def pick_last(things: Sequence[Sequence[LeastSize]]) -> list[LeastSize]:
+    """Of each parameter that of the thing that is seen last: from there on it is seen, whichever it is.
+
+    What another supply changes is seen from half of a motor's error, and both are an actuator's gain.
+    """
+    last: dict[str, LeastSize] = {}
+    for one in (one for sizes in things for one in sizes):
+        before, end = last.get(one.parameter), _least_end(one)
+        unseen = before is None or not np.isfinite(_least_end(before))
+        if unseen or (np.isfinite(end) and end > _least_end(before)):
+            last[one.parameter] = one
+    return list(last.values())
 
 
 def _least_end(one: LeastSize) -> float:

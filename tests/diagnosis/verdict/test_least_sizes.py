@@ -10,15 +10,18 @@ import numpy as np
 import pytest
 
 from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
-from samrl_core.diagnosis.effects import POSE_EFFECTS
+from samrl_core.diagnosis.effects import EFFECTS, POSE_EFFECTS
+from samrl_core.diagnosis.kinds.arms import arm_trials
 from samrl_core.diagnosis.kinds.poses.poses import Poses, split_poses
 from samrl_core.diagnosis.report.seen_from import seen_from, size
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.tolerances import recording_columns, tolerance_columns
 from samrl_core.diagnosis.result import Diagnosis, LeastSize
 from samrl_core.diagnosis.selection.hypothesis import Evidence
-from samrl_core.diagnosis.verdict.least_sizes import least_sizes
+from samrl_core.diagnosis.verdict.least_sizes import least_sizes, pick_last
 from tests.diagnosis import worlds
+from tests.diagnosis.controllers import machines
+from tests.diagnosis.controllers.kinds import VOLTAGE_MOTOR
 from tests.diagnosis.poses.pose_worlds import PoseWorld, record
 from tests.diagnosis.report import samples
 
@@ -77,6 +80,23 @@ def test_half_of_the_errors_of_the_least_size_reach_what_a_name_needs() -> None:
 )
 def test_sizes_are_written_down_and_up(ends: tuple[float, float], unit: str, shown: str) -> None:
     assert size(ends, unit) == shown
+
+
+def test_what_may_be_one_of_two_things_is_seen_from_the_size_of_the_later_one() -> None:
+    """A supply shows from half of a motor's error, both are the drive's gain, and half of it was told."""
+    runs = machines.worlds(VOLTAGE_MOTOR, [machines.Differs()], 1, 1.5)[0]
+    trials, _ = arm_trials(runs[:1], [])
+    evidence = Evidence(Likelihood(trials), 4.0)
+    pool = evidence.screen([e for e in EFFECTS if e.family == "actuator_gain"])
+    (both,), *each = (
+        least_sizes(evidence, some, NEEDED)
+        for some in (pool, *([h for h in pool if h.form.thing == thing] for thing in ("motor", "supply")))
+    )
+    (motor,), (supply,) = each
+    assert supply.stated[1] < 0.9 * motor.stated[1]
+    assert both == motor
+    unseen = replace(supply, stated=(float("nan"), float("nan")))
+    assert pick_last([[unseen], [supply]]) == [supply]
 
 
 @pytest.mark.slow

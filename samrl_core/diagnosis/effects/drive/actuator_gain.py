@@ -29,10 +29,10 @@ class ActuatorGain(DriveEffect):
     parameters = (Parameter("e", "1", -0.3, 0.3, "relative error of the torque"),)
 
     def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
-        motor = ScaledTorque(place=place, amplitudes=("e",))
+        motor = ScaledTorque(place=place, amplitudes=("e",), thing="motor")
         if not np.any(trial.motion.back_emf_loss[:, list(place.joints)]):
             return (motor,)
-        return (motor, ScaledSupply(name="supply", place=place, amplitudes=("e",)))
+        return (motor, ScaledSupply(name="supply", place=place, amplitudes=("e",), thing="supply"))
 
 
 class ScaledTorque(DriveForm):

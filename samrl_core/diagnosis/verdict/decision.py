@@ -25,6 +25,7 @@ class VerdictSettings:
     sizes: tuple[float, float] = (0.7, 1.4)  # of the fitted effect that simulation may prefer, likewise
     limits: float = 0.25  # simulated shrink below which a limit of the drive is none
     clearly: float = 8.0  # times the threshold, from which on a formula may be seen to explain
+    twice: float = 2.0  # times the threshold, up to which a refused effect is no gap where nothing else is
     closer: float = 0.3  # shrink by which a runner-up must do better to be as likely as what is named
     seen: float = 3.0  # simulated gap, in tolerances, from which on held-out motion differs for sure
     all: float = 0.02  # all but this share, on fitted and on held-out recordings

@@ -259,12 +259,24 @@ def unconfirmed(
 ) -> Decision | None:
     """The verdict where only an effect shows a gap, and held-out recordings contradict it; else None.
 
-    A gap that no effect explains must be seen without one: in more than noise and tolerances leave.
+    A gap that no effect explains must be seen without one: in more than noise and tolerances leave. Where
+    nothing at all exceeds those, and no effect wins more than twice what it needs, a refused one shows none
+    either: among hundreds that are tried one is now and then just believed.
     """
     most = max(selection.excess, selection.held_out_excess)
+    little = most < settings.shown and 0.0 < selection.most < settings.twice * selection.threshold
     # So much evidence is in the recordings, whoever is wrong about its cause: tolerances do not explain it.
     # Where nothing at all exceeds noise, it is what laws that undo each other find within noise.
     clear = named.gain > settings.clearly * selection.threshold and most >= settings.shown
+    if little and not refused.contradicted:
+        return Decision(
+            "no_gap",
+            (
+                f"the best effect gains {selection.most:.1f} of log evidence,"
+                f" {selection.threshold:.1f} are needed, and {named.name}, {named.gain:.1f}, is refused",
+                "without them nothing beyond sensor noise and the stated tolerances was found",
+            ),
+        )
     if not refused.contradicted or most >= settings.no_gap or clear:
         return None
     return Decision(

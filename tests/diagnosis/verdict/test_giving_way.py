@@ -191,6 +191,22 @@ def test_a_gap_of_much_evidence_is_none_of_mine_when_its_cause_is_denied() -> No
     assert found is not None and found.verdict == "no_gap"
 
 
+def test_a_refused_effect_that_is_hardly_believed_is_no_gap_where_nothing_exceeds_noise() -> None:
+    """A servo arm with nothing wrong: 12.2 of log evidence where 12 are needed, 5 nat beyond noise."""
+    refused = Decision("none_of_mine", ())
+    named = cast("NamedEffect", SimpleNamespace(name="model_scale@arm:x", gain=2.7))
+    chosen = a_selection(fit("model_scale@arm:x", 2.7), ())
+    quiet = replace(chosen, excess=5.4, held_out_excess=0.0, threshold=12.0)
+
+    def verdict(selection: Selection) -> str | None:
+        found = unconfirmed(refused, selection, named, VerdictSettings())
+        return None if found is None else found.verdict
+
+    assert verdict(replace(quiet, most=12.2)) == "no_gap"
+    assert verdict(replace(quiet, most=30.0)) is None  # more than chance brings
+    assert verdict(replace(quiet, most=12.2, excess=40.0)) is None  # seen without it
+
+
 def gap_shrunk_by(shrink: float | None) -> HeldOutGap:
     """A gap on held-out recordings."""
     return HeldOutGap("m", "1", 1.0, None, None, None, shrink, None, None, (), ())

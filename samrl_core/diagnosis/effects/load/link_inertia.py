@@ -11,8 +11,6 @@ from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.trial import Trial
 
 SCALES = 0.3  # spread of a link's scale before any data
-LIGHT = 0.01  # of the moving mass: a lighter link's errors are taken for those of one of so much
-LIGHTEST, SLIGHTEST = 0.1, 1e-4  # [kg], [kg m2]; no more, and inertia in proportion
 LEAST, MOST = 0.2, 5.0  # factors between which a link's numbers are off by a factor
 
 
@@ -64,12 +62,9 @@ class AtLink(Form):
 
     def prior(self, trial: Trial, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
         assert trial.rigid is not None
-        every = trial.rigid.inertial_parameters
-        nominal = every[self.link(trial)]
-        least = min(LIGHTEST, LIGHT * float(np.sum(every[:, 0])))
-        mass = max(nominal[0], least)
-        size = np.linalg.norm(nominal[1:4]) / mass
-        inertia = max(float(np.trace(_matrix(nominal))) / 3.0, SLIGHTEST * least / LIGHTEST)
+        nominal = trial.rigid.inertial_parameters[self.link(trial)]
+        mass, size = max(nominal[0], 0.1), np.linalg.norm(nominal[1:4]) / max(nominal[0], 0.1)
+        inertia = max(float(np.trace(_matrix(nominal))) / 3.0, 1e-4)
         return np.zeros(10), np.array([0.1 * mass] + [0.1 * mass * max(size, 0.05)] * 3 + [0.2 * inertia] * 6)
 
     def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:

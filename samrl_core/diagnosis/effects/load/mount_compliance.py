@@ -13,7 +13,6 @@ from samrl_core.diagnosis.residuals.basis_functions import resonant
 from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.trial import Trial
 
-COBOT = 100.0  # [N m] of its strongest joint: what a stand gives per torque is usual for an arm of so much
 LEAST_JOINTS = 3  # of fewer, the wrench on the stand is nearly a joint's own torque
 
 
@@ -57,10 +56,7 @@ class MountCompliance(Effect):
 
 
 class SwingingMount(Form):
-    """A base that swings about or along two axes; `spread` and `least` are its compliance under a cobot.
-
-    A stand is built for its arm: what gives way by 0.2 rad under a palletiser is none.
-    """
+    """A base that swings about or along two axes; `spread` and `least` are its compliance."""
 
     spread: ClassVar[float]  # of the prior
     least: ClassVar[float]  # less is how far the base of any arm gives: COMPLIANCE in nominal.py for joints
@@ -79,19 +75,14 @@ class SwingingMount(Form):
         return trial.link(np.stack([self.swing(trial, axis, shape) for axis in (0, 1)]))
 
     def prior(self, trial: Trial, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
-        return np.zeros(2), np.full(2, self.spread * _softer(trial))
+        return np.zeros(2), np.full(2, self.spread)
 
     def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
         most = float(np.max(amplitudes))
-        return bool(most > self.least * _softer(trial) and np.min(amplitudes) > -0.3 * most)
+        return bool(most > self.least and np.min(amplitudes) > -0.3 * most)
 
     def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
         return {"frequency": shape["f"], "damping": shape["z"], "compliance": float(np.max(amplitudes))}
-
-
-def _softer(trial: Trial) -> float:
-    """Times as much as a cobot's that a stand of this arm gives per force."""
-    return COBOT / float(np.max(trial.scale))
 
 
 class RotatingMount(SwingingMount):

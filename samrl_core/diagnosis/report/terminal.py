@@ -13,6 +13,7 @@ from samrl_core.diagnosis.result import GAPS, Diagnosis, HeldOutGap
 LINES = 10
 WIDTH = 110
 INDENT = 15
+NOT_TRACKED = " is not tracked: "  # in notes of the tracking
 OF_DESCRIPTION = ("this log fits if", "beside it ")  # an error of it, and the gap that it leaves
 OF_DOUBT = ("turn otherwise", "stand apart", "stand elsewhere")  # notes of poses that no verdict counts
 
@@ -76,8 +77,9 @@ def summary(diagnosis: Diagnosis, files: Sequence[str] = ()) -> list[str]:
 
 
 def tracked(diagnosis: Diagnosis) -> list[str]:
-    """A line for each effect whose size was asked for and that is not named."""
-    return [_line("tracked", f"{e.name}: {words.parameters(e)}") for e in diagnosis.tracked]
+    """A line for each effect whose size was asked for and that is not named: its size, or why it has none."""
+    sizes = [_line("tracked", f"{e.name}: {words.parameters(e)}") for e in diagnosis.tracked]
+    return [*sizes, *(_line("note", note) for note in diagnosis.notes if NOT_TRACKED in note)]
 
 
 def _where(d: Diagnosis) -> list[str]:

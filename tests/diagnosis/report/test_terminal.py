@@ -148,6 +148,8 @@ def test_a_size_that_was_asked_for_is_shown() -> None:
     assert tracked(samples.diagnosis("effect")) == []
     asked = replace(samples.diagnosis("effect"), tracked=(samples.DELAY,))
     (line,) = tracked(asked)
+    (why,) = tracked(replace(samples.diagnosis("effect"), notes=("other", "x@y is not tracked: no place")))
+    assert why == "  note         x@y is not tracked: no place"
     assert line.split()[:2] == ["tracked", "command_delay@arm:tool_arm:"] and "=" in line
 
 

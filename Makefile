@@ -81,7 +81,6 @@ unit: $(BUILT)
 
 thorough: $(BUILT)
 	$(BIN)/python -m pytest -q -m "thorough and not slow and not live" -n $(WORKERS) --dist worksteal $(call MARKED,thorough)
-	$(BIN)/python -m pytest -q -m "thorough and live and not slow" $(call MARKED,live)
 
 live: $(BUILT)
 	$(BIN)/python -m pytest -q -m "live and not slow and not thorough" $(call MARKED,live)

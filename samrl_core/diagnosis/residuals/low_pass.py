@@ -7,7 +7,7 @@ smaller than it is, and all that lies in it like a cause.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -119,28 +119,17 @@ def find_low_pass(x: np.ndarray | None, rate: float, band: float) -> LowPass:
     if x is None or len(x) < LEAST_BLOCKS * BLOCK:
         return none
     begins = max(ABOVE * band / rate, LOWEST)
-    share, power = _spectra(x, rate, begins, HIGHEST)
-    tells = np.min(power, axis=0, initial=np.inf) > 0.0
-    if len(share) < LEAST_BINS or not tells.any():
+    best = _best_form(*_spectra(x, rate, begins, HIGHEST), FORMS, CORNERS)
+    if best is None or best.least > FITS or best.least > EXPLAINED * best.white:
         return none
-    seen = np.log(power[:, tells])
-    white = float(np.mean((seen - seen.mean(axis=0)) ** 2))
-    fits = []
-    for form in FORMS:
-        off = seen - np.log(form.gain(CORNERS[:, None], share))[:, :, None]
-        fits.append(np.mean((off - off.mean(axis=1, keepdims=True)) ** 2, axis=(1, 2)))
-    form, misfit = min(zip(FORMS, fits, strict=True), key=lambda fit: float(fit[1].min()))
-    best = float(misfit.min())
-    if best > FITS or best > EXPLAINED * white:
-        return none
-    weakest = float(CORNERS[misfit < best * (1.0 + UNSURE / seen.size)][0])
+    weakest = float(CORNERS[best.misfit < best.least * (1.0 + UNSURE / best.size)][0])
     if weakest * rate < band:
         return none  # a motion that reverses all the time: no driver hides what an arm does
-    return LowPass(form, weakest, rate, band, begins)
+    return LowPass(best.form, weakest, rate, band, begins)
 
 
 def find_any_filter(x: np.ndarray | None, rate: float, band: float) -> LowPass:
-    """The driver's filter, or the one that a published log passed; arguments as below."""
+    """The driver's filter, or else the one that a log passed before it was published."""
     found = find_low_pass(x, rate, band)
     return found if found.form is not None else find_offline_filter(x, rate, band)
 
@@ -157,21 +146,44 @@ def find_offline_filter(x: np.ndarray | None, rate: float, band: float) -> LowPa
     blocks = 2 * len(x) // BLOCK - 1
     for times in OFFLINE_ABOVE:
         begins = times * band / rate
-        share, power = _spectra(x, rate, begins, OFFLINE_HIGHEST)
-        tells = np.min(power, axis=0, initial=np.inf) > 0.0
-        if len(share) < LEAST_BINS or not tells.any():
+        best = _best_form(*_spectra(x, rate, begins, OFFLINE_HIGHEST), OFFLINE, OFFLINE_CORNERS)
+        if best is None:
             return none
-        seen = np.log(power[:, tells])
-        white = float(np.mean((seen - seen.mean(axis=0)) ** 2))
-        fits = []
-        for form in OFFLINE:
-            off = seen - np.log(form.gain(OFFLINE_CORNERS[:, None], share))[:, :, None]
-            fits.append(np.mean((off - off.mean(axis=1, keepdims=True)) ** 2, axis=(1, 2)))
-        form, misfit = min(zip(OFFLINE, fits, strict=True), key=lambda fit: float(fit[1].min()))
-        best, corner = float(misfit.min()), float(OFFLINE_CORNERS[int(np.argmin(misfit))])
-        if best < FITS + SCATTER / blocks and best < EXPLAINED * white and corner * rate >= band:
-            return LowPass(form, corner, rate, band, begins, OFFLINE_HIGHEST)
+        corner = float(OFFLINE_CORNERS[int(np.argmin(best.misfit))])
+        fits = best.least < FITS + SCATTER / blocks and best.least < EXPLAINED * best.white
+        if fits and corner * rate >= band:
+            return LowPass(best.form, corner, rate, band, begins, OFFLINE_HIGHEST)
     return none
+
+
+@dataclass(frozen=True, eq=False)
+class _BestForm:
+    """The form whose logarithm of the spectrum is nearest to a log's."""
+
+    form: Form
+    misfit: np.ndarray  # mean square at each corner
+    white: float  # that of no filter at all
+    size: int  # numbers of the spectrum
+
+    @property
+    def least(self) -> float:
+        return float(self.misfit.min())
+
+
+def _best_form(
+    share: np.ndarray, power: np.ndarray, forms: Sequence[Form], corners: np.ndarray
+) -> _BestForm | None:
+    """The best of forms at corners (K,) for spectra (B, J) at shares (B,) of the rate; None of too few."""
+    tells = np.min(power, axis=0, initial=np.inf) > 0.0
+    if len(share) < LEAST_BINS or not tells.any():
+        return None
+    seen = np.log(power[:, tells])
+    fits = []
+    for form in forms:
+        off = seen - np.log(form.gain(corners[:, None], share))[:, :, None]
+        fits.append(np.mean((off - off.mean(axis=1, keepdims=True)) ** 2, axis=(1, 2)))
+    form, misfit = min(zip(forms, fits, strict=True), key=lambda fit: float(fit[1].min()))
+    return _BestForm(form, misfit, float(np.mean((seen - seen.mean(axis=0)) ** 2)), seen.size)
 
 
 def _spectra(x: np.ndarray, rate: float, begins: float, ends: float) -> tuple[np.ndarray, np.ndarray]:

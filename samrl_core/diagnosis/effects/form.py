@@ -57,9 +57,7 @@ class Form(ABC, Generic[T]):
 
     deviation: ClassVar[float] = 0.05  # relative, of every parameter: no formula is the thing itself
     may_vanish: ClassVar[tuple[int, ...]] = ()  # amplitudes that are never negative, and may be zero
-    thing: str = (
-        ""  # what it is, where an effect's forms are several things and not the same one otherwise put
-    )
+    thing: str = ""  # what it is, where forms of an effect are several things and not one put otherwise
 
     name: str = ""  # as printed; empty where an effect has one form only
     place: Place

@@ -125,6 +125,7 @@ def form_equations(motion: RecordedMotion) -> Equations:
     u, tau = motion.u, motion.tau
     dynamic = rigid is not None and motion.dynamic
     if not dynamic or (u is None and tau is None):
+        followed = None
         if motion.command is not None:
             command = motion.command.position
             assert command is not None and motion.raw_position is not None
@@ -135,8 +136,7 @@ def form_equations(motion: RecordedMotion) -> Equations:
             level = np.hypot(noise + 1e-4, _resolution(motion.raw_position))
             residual["tracking"] *= settled(motion)
             sigma["tracking"] = _spread(level, residual["tracking"])
-            return Equations(motion, residual, sigma, law, lag, followed=followed)
-        return Equations(motion, residual, sigma, law, lag)
+        return Equations(motion, residual, sigma, law, lag, followed=followed)
     assert rigid is not None
     scale = scale_limits(arm, rigid, motion)
     share = np.sqrt(motion.band_share)

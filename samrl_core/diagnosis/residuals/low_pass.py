@@ -144,9 +144,10 @@ def find_offline_filter(x: np.ndarray | None, rate: float, band: float) -> LowPa
     if x is None or len(x) < LEAST_BLOCKS * BLOCK:
         return none
     blocks = 2 * len(x) // BLOCK - 1
+    share, power = _spectra(x, rate, min(OFFLINE_ABOVE) * band / rate, OFFLINE_HIGHEST)
     for times in OFFLINE_ABOVE:
         begins = times * band / rate
-        best = _best_form(*_spectra(x, rate, begins, OFFLINE_HIGHEST), OFFLINE, OFFLINE_CORNERS)
+        best = _best_form(share[share > begins], power[share > begins], OFFLINE, OFFLINE_CORNERS)
         if best is None:
             return none
         corner = float(OFFLINE_CORNERS[int(np.argmin(best.misfit))])

@@ -19,35 +19,6 @@ from samrl_core.cell.types.scene import Capsule, ChainLink, Rgb, Tool
 THREAD_COLOR: Rgb = (0.85, 0.10, 0.10)
 
 
-def thread_link(
-    name: str,
-    length: float,
-    radius: float,
-    mass: float,
-    stiffness: float,
-    damping: float,
-    friction: float,
-    label: int,
-    color: Rgb = THREAD_COLOR,
-) -> ChainLink:
-    """One link, a solid capsule from this pair of joints to the next. SI units."""
-    middle = np.array([0.0, 0.0, 0.5 * length])
-    capsule = Capsule(radius, length, Pose(middle, np.array([0.0, 0.0, 0.0, 1.0])))
-    return ChainLink(
-        name,
-        (capsule,),
-        color,
-        label,
-        length,
-        mass,
-        middle,
-        capsule_inertia(radius, length, mass),
-        stiffness,
-        damping,
-        friction,
-    )
-
-
 def thread_links(
     count: int,
     colors: tuple[Rgb, ...],
@@ -59,11 +30,20 @@ def thread_links(
     friction: float,
     label: int,
 ) -> tuple[ChainLink, ...]:
-    """So many links from the gripper down, their colours in turn. SI units, each link's own."""
-    inside = (mass, stiffness, damping, friction, label)
+    """So many links from the gripper down, their colours in turn. SI units, each link's own.
+
+    A link is a solid capsule from its pair of joints to the next.
+    """
+    middle = np.array([0.0, 0.0, 0.5 * length])
+    capsule = Capsule(radius, length, Pose(middle, np.array([0.0, 0.0, 0.0, 1.0])))
+    inertia = capsule_inertia(radius, length, mass)
     return tuple(
-        thread_link(f"thread_{i}", length, radius, *inside, colors[i % len(colors)]) for i in range(count)
-    )
+        ChainLink(
+            f"thread_{i}", (capsule,), colors[i % len(colors)], label, length, mass, middle, inertia,
+            stiffness, damping, friction,
+        )
+        for i in range(count)
+    )  # fmt: skip
 
 
 def capsule_inertia(radius: float, length: float, mass: float) -> np.ndarray:

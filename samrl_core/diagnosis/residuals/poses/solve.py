@@ -20,6 +20,7 @@ from samrl_core.diagnosis.residuals.poses import rigid
 from samrl_core.diagnosis.residuals.poses.chain import Chain, Constants, track_rate
 
 LENGTH_PER_RADIAN = 0.3  # [m] by which residuals of both kinds are made alike
+WEIGHT = np.array([1.0] * 3 + [LENGTH_PER_RADIAN] * 3)  # of a twist
 MOST_POSES = 400  # of a recording, that are solved with
 LONGEST_OFFSET_S = 2.0  # between clocks that is looked for
 FINE_OFFSET_S = 0.001
@@ -223,7 +224,6 @@ def _refined(recordings: Sequence[PoseRecording], first: Constants, offset: floa
     free = sorted(first.free)
     chains = [Chain(_thinner(r), first) for r in recordings]
     timed = recordings[0].timed and track_rate(recordings[0].seen) > 2.0
-    weight = np.array([1.0] * 3 + [LENGTH_PER_RADIAN] * 3)
 
     def constants(values: np.ndarray) -> Constants:
         moved = {name: getattr(first, name) for name in ("camera", "base", "target")}
@@ -242,7 +242,7 @@ def _refined(recordings: Sequence[PoseRecording], first: Constants, offset: floa
 
     def residual(values: np.ndarray) -> np.ndarray:
         shift = moved_to(values)
-        return np.concatenate([(twists(chain, shift) * weight).reshape(-1) for chain in chains])
+        return np.concatenate([(twists(chain, shift) * WEIGHT).reshape(-1) for chain in chains])
 
     def jacobian(values: np.ndarray) -> np.ndarray:
         shift = moved_to(values)
@@ -257,7 +257,7 @@ def _refined(recordings: Sequence[PoseRecording], first: Constants, offset: floa
                 ahead, behind = (chain.predicted((s, s)) for s in (shift + RATE_STEP_S, shift - RATE_STEP_S))
                 columns.append(rigid.log(ahead @ rigid.inverse(behind))[..., None] / (2.0 * RATE_STEP_S))
             of_error = -rigid.inverse_jacobian(twists(chain, shift)) @ np.concatenate(columns, axis=2)
-            parts.append((of_error * weight[:, None]).reshape(-1, len(values)))
+            parts.append((of_error * WEIGHT[:, None]).reshape(-1, len(values)))
         return np.concatenate(parts)
 
     start = np.zeros(6 * len(free) + (1 if timed else 0))
@@ -288,6 +288,6 @@ def closing_error(recording: PoseRecording) -> float:
     longest = 0.2 * (chain.time[-1] - chain.time[0]) if recording.timed else 0.0
     tried = np.arange(-LONGEST_OFFSET_S, LONGEST_OFFSET_S, 0.02) if recording.timed else np.zeros(1)
     apart = chain.seen @ rigid.inverse(chain.predicted_each(tried[np.abs(tried) <= longest]))
-    twist = rigid.log(apart.reshape(-1, 4, 4)) * ([1.0] * 3 + [LENGTH_PER_RADIAN] * 3)
+    twist = rigid.log(apart.reshape(-1, 4, 4)) * WEIGHT
     sizes = np.linalg.norm(twist, axis=1).reshape(apart.shape[:2])
     return float(np.median(sizes, axis=1).min())

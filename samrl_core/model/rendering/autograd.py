@@ -73,6 +73,8 @@ class Rasterize(torch.autograd.Function):
         batch, n_faces = planes.shape[:2]
         tensors["image_grad"] = grads[0].contiguous()
         tensors["corners_grad"] = planes.new_zeros((batch, n_faces, 3, CHANNELS))
+        size = tensors["image_grad"].shape[:3]
+        tensors["weighted"] = torch.zeros(size, dtype=torch.uint8, device=planes.device)
         tensors["claims"] = torch.zeros_like(tensors["keys"], dtype=torch.uint8)
         tensors["light_shares"] = planes.new_zeros((batch, n_faces if lit else 0, 5))
         in_threads(lambda part: backward_pass(setup, tensors, lit, part), shares(batch, setup.threads))

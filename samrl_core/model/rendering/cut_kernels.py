@@ -250,11 +250,14 @@ def integrate_cuts(
     keys: wp.array3d(dtype=wp.int64),  # (B, H s, W s)
     claims: wp.array3d(dtype=wp.uint8),  # (B, H s, W s)
     image_grad: wp.array3d(dtype=Pixel),  # (B, H, W)
+    weighted: wp.array3d(dtype=wp.uint8),  # (B, H, W), 0 where no gradient is within a pixel
     planes_grad: wp.array2d(dtype=wp.mat33),  # (B, F) out, added
 ):
     """Adds dL/dW of all intersections and near cuts."""
     b, y, part = wp.tid()
     for x in range(part * run, wp.min((part + 1) * run, keys.shape[2])):
+        if weighted[b, y / samples, x / samples] == wp.uint8(0):
+            continue
         seen = keys[b, y, x] & ID_MASK
         same = int(1)
         if x + 1 < keys.shape[2]:

@@ -109,6 +109,7 @@ def integrate_edges(
     step: float,  # [px] longest step along an edge
     keys: wp.array3d(dtype=wp.int64),  # (B, H s, W s)
     image_grad: wp.array3d(dtype=Pixel),  # (B, H, W)
+    weighted: wp.array3d(dtype=wp.uint8),  # (B, H, W), 0 where no gradient is within a pixel
     points_grad: wp.array2d(dtype=wp.vec3),  # (B, V) out, added
     claims: wp.array3d(dtype=wp.uint8),  # (B, H s, W s) out, 1 where an edge lies on another part
 ):
@@ -245,6 +246,8 @@ def integrate_edges(
         v = v0 + tk * dv
         ix = wp.clamp(int(wp.floor(u)), 0, width - 1)
         iy = wp.clamp(int(wp.floor(v)), 0, height - 1)
+        if weighted[b, iy, ix] == wp.uint8(0):  # claims reach no further than the pixel beside
+            continue
         inside_iz = (1.0 - tk) / pz + tk / qz
         depth = 1.0 / inside_iz
         tau = lo + (hi - lo) * (tk / qz) * depth  # fraction along the edge in space

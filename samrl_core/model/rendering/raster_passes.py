@@ -30,6 +30,7 @@ _TYPES: dict[str, Any] = {
     "depth": wp.float32,
     "label": wp.int32,
     "claims": wp.uint8,
+    "weighted": wp.uint8,
     "corners": Pixel,
 }
 
@@ -123,7 +124,8 @@ def backward_pass(setup: RasterSetup, tensors: dict[str, torch.Tensor], lit: boo
     batch, n_faces = t.batch, setup.faces.shape[0]
     shading = [t.planes, setup.faces, t.attributes, t.brightness]
     pixels = (batch, setup.height, setup.width)
-    inputs = [*shading, setup.samples, t.keys, t.image_grad, t.planes_grad, t.corners_grad]
+    _launch_rows(setup, shade_kernels.mark_weighted, pixels, _GATHERED, [t.image_grad, t.weighted])
+    inputs = [*shading, setup.samples, t.keys, t.image_grad, t.weighted, t.planes_grad, t.corners_grad]
     _launch_rows(setup, shade_kernels.shade_adjoint, pixels, _GATHERED, inputs)
     inputs = [
         t.points,
@@ -141,6 +143,7 @@ def backward_pass(setup: RasterSetup, tensors: dict[str, torch.Tensor], lit: boo
         setup.edge_step,
         t.keys,
         t.image_grad,
+        t.weighted,
         t.points_grad,
         t.claims,
     ]
@@ -158,6 +161,7 @@ def backward_pass(setup: RasterSetup, tensors: dict[str, torch.Tensor], lit: boo
         t.keys,
         t.claims,
         t.image_grad,
+        t.weighted,
         t.planes_grad,
     ]
     height, width = tensors["keys"].shape[1:]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from samrl_core.model.rendering.kernel_types import Pixel
+from samrl_core.model.rendering.kernel_types import CHANNELS, Pixel
 from samrl_core.model.rendering.raster_kernels import (
     DEPTH_SCALE,
     ID_BITS,
@@ -145,6 +145,24 @@ def shade(
 
 
 @wp.kernel(enable_backward=False)
+def mark_weighted(
+    run: int,  # pixels of a row that one thread takes
+    image_grad: wp.array3d(dtype=Pixel),  # (B, H, W)
+    weighted: wp.array3d(dtype=wp.uint8),  # (B, H, W) out, 1 where a pixel or one beside it has a gradient
+):
+    """Where an adjoint has anything to carry: most losses look at a part of the image only."""
+    b, y, part = wp.tid()
+    for x in range(part * run, wp.min((part + 1) * run, image_grad.shape[2])):
+        size = float(0.0)
+        for channel in range(wp.static(CHANNELS)):
+            size += wp.abs(image_grad[b, y, x][channel])
+        if size != 0.0:
+            for row in range(wp.max(y - 1, 0), wp.min(y + 2, image_grad.shape[1])):
+                for column in range(wp.max(x - 1, 0), wp.min(x + 2, image_grad.shape[2])):
+                    weighted[b, row, column] = wp.uint8(1)
+
+
+@wp.kernel(enable_backward=False)
 def shade_adjoint(
     run: int,  # pixels of a row that one thread takes
     planes: wp.array2d(dtype=wp.mat33),  # (B, F)
@@ -154,6 +172,7 @@ def shade_adjoint(
     samples: int,
     keys: wp.array3d(dtype=wp.int64),  # (B, H s, W s)
     image_grad: wp.array3d(dtype=Pixel),  # (B, H, W)
+    weighted: wp.array3d(dtype=wp.uint8),  # (B, H, W), 0 where no gradient is within a pixel
     planes_grad: wp.array2d(dtype=wp.mat33),  # (B, F) out, added
     corner_grad: wp.array3d(dtype=Pixel),  # (B, F, 3) out, added
 ):
@@ -170,6 +189,8 @@ def shade_adjoint(
     two = Pixel()
     three = Pixel()
     for x in range(part * run, wp.min((part + 1) * run, image_grad.shape[2])):
+        if weighted[b, y, x] == wp.uint8(0):
+            continue
         first = keys[b, y * samples, x * samples]
         mixed = int(0)
         for row in range(y * samples, (y + 1) * samples):

@@ -75,6 +75,26 @@ def test_a_box_that_only_stands_has_its_outline_counted_once() -> None:
         assert float((gradient - expected)[:2].norm() / expected[:2].norm()) < 0.03
 
 
+@pytest.mark.parametrize("depth", [0.0, 0.03])
+def test_a_gradient_is_the_sum_of_those_of_parts_of_the_image(depth: float) -> None:
+    """Pixels without weight are passed over, what their edges claim of pixels beside them is not."""
+    v, color, topology, moves = two_boxes(depth)
+    eye = look_at(np.array([0.25, -0.5, 0.55]), np.array([0.0, 0.0, 0.06])).inverse()
+    camera = (torch.from_numpy(eye.rotation.copy()), torch.from_numpy(eye.position.copy()))
+    p = torch.zeros(3, dtype=torch.float64, requires_grad=True)
+    image = Renderer(topology, LENS, 2)(v + moves[:, None] * p, color, moves.float(), *camera).color
+    w = weights(3).float()
+
+    def gradient(weight: torch.Tensor) -> torch.Tensor:
+        return torch.autograd.grad(image, p, weight, retain_graph=True)[0]
+
+    whole = gradient(w)
+    cells = (torch.arange(80)[:, None] + torch.arange(96))[..., None] % 2
+    parts = [gradient(w * (cells == k)) for k in range(2)]
+    assert all(float(part.norm()) > 0.01 * float(whole.norm()) for part in parts)
+    torch.testing.assert_close(sum(parts), whole, rtol=0.0, atol=1e-6 * float(whole.norm()))
+
+
 def test_gradient_of_the_near_cut() -> None:
     """A box that reaches through the near plane is cut open; what its inside and the wall behind show."""
     wall = np.array([[-3.0, -3, 2], [3, -3, 2], [3, 3, 2], [-3, 3, 2]])

@@ -71,7 +71,7 @@ def loss_figure(run: RunRecord) -> go.Figure:
             hovertemplate="%{y:.4g} at %{x:.2f} s<extra></extra>",
         )
     fig.update_xaxes(title="robot time [s]", range=[0, max(run.duration, 1e-3)], zeroline=False, **AXIS)
-    return fig.update_yaxes(title="loss (eq. 6)", rangemode="tozero", **AXIS)
+    return fig.update_yaxes(title="loss [-]", rangemode="tozero", **AXIS)
 
 
 def action_figure(run: RunRecord) -> go.Figure:

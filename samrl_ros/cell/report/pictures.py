@@ -136,8 +136,7 @@ class Video:
         self._begin, self._first, self._end = (-1 if begun else bag.start_ns), -1, -1  # [ns]
         self._seen = self._frames = 0
         self._caption = ""
-        black = np.zeros((PANEL, PANEL, 3), np.uint8)
-        self._model, self._difference = black, black
+        self._model = self._difference = _waiting()
         self._recent: OrderedDict[int, RawMessage] = OrderedDict()  # camera images by stamp
         self._folder = tempfile.TemporaryDirectory()
         self._writer: cv2.VideoWriter | None = None
@@ -212,6 +211,14 @@ def _open_writer(path: Path) -> cv2.VideoWriter:
     if not writer.isOpened():
         raise InputError("this OpenCV cannot write VP8 video; install opencv-python-headless from PyPI")
     return writer
+
+
+def _waiting() -> np.ndarray:
+    """What stands for the model until its first update."""
+    panel = np.zeros((PANEL, PANEL, 3), np.uint8)
+    place, grey = (PANEL // 2 - 78, PANEL // 2 + 5), (150, 150, 150)
+    cv2.putText(panel, "before the first update", place, cv2.FONT_HERSHEY_SIMPLEX, 0.42, grey, 1, cv2.LINE_AA)
+    return panel
 
 
 def _panel(rgb: np.ndarray) -> np.ndarray:

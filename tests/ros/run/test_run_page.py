@@ -116,6 +116,8 @@ def test_the_video_plays_and_shows_camera_and_model(folder: Path) -> None:
     height, width = frames[-1].shape[:2]
     middle = [frames[-1][height // 2 + 16, width * k // 6].mean() for k in (1, 3, 5)]
     assert middle == pytest.approx([100, 60, 80], abs=12)  # camera, model, twice their difference
+    for panel in (slice(width // 3, 2 * width // 3), slice(2 * width // 3, None)):
+        assert frames[0][40:, panel].max() > 80, "nothing says that there is no model yet"
 
 
 @pytest.mark.parametrize(

@@ -1,9 +1,9 @@
 # One command each; every target sets up .venv first when it is missing or its inputs changed.
 #   make cell    one recorded episode of the hard peg in a cell that differs from its model (INSTANCE);
 #                INSTANCE=nominal TASK=peg_insertion is the cell that is its model
-#   make test    fast tests, then check
+#   make test    check, then fast tests; THOROUGH=1: the thorough ones among them, as CI runs them
 #   make check   ruff, ty (types)                       make slow   the slow tests
-#   make thorough  tests of some seconds each that make test leaves out; CI runs both
+#   make thorough  tests of some seconds each that make test leaves out
 #   make fuzz    100,000 damaged inputs over all readers (FUZZ: their number, SEED; JOBS: readers at once)
 #   make faults  faults x moments over the live graph (ONLY: faults whose name holds this; root for two hosts,
 #                and for JOBS whole cells at once, of three cores each)
@@ -23,6 +23,7 @@ FUZZ     ?= 100000
 ONLY     ?=
 JOBS     ?= 1
 HOURS    ?= 2
+THOROUGH ?=
 SOAK     ?= out/soak
 WORKERS  ?= $(shell n=$$(env -u OMP_NUM_THREADS nproc); echo $$((n < 8 ? n : 8)))
 
@@ -77,7 +78,8 @@ test: $(BUILT)
 	$(MAKE) live
 
 unit: $(BUILT)
-	$(BIN)/python -m pytest -q -m "not slow and not thorough and not live" -n $(WORKERS) --dist worksteal
+	$(BIN)/python -m pytest -q -m "not slow and not live$(if $(THOROUGH),, and not thorough)" -n $(WORKERS) \
+	  --dist worksteal
 
 thorough: $(BUILT)
 	$(BIN)/python -m pytest -q -m "thorough and not slow and not live" -n $(WORKERS) --dist worksteal $(call MARKED,thorough)

@@ -88,7 +88,7 @@ def test_masses_off_by_one_factor_are_named_as_that() -> None:
     assert size.value == pytest.approx(1.4, rel=0.05)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_right_description_is_not_doubted() -> None:
     found = diagnosed(recordings(coulomb=np.array([0.0, 3.0, 0.0])))
     assert not {e.family for e in found.effects} & {"joint_order", "unit_error", "model_scale"}

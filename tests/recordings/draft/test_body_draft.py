@@ -350,6 +350,24 @@ def test_a_push_is_no_fall(tmp_path: Path) -> None:
     assert any("level plane seen from above" in q for q in draft.questions)
 
 
+@pytest.mark.parametrize("runs", [1, 4])
+def test_what_speeds_up_in_a_level_plane_does_not_tell_which_way_is_up(runs: int, tmp_path: Path) -> None:
+    """A hand pushes a puck on a table in Motive's frame, y up, and nothing beside it says that it is pushed."""
+    rng = np.random.default_rng(3)
+    time = np.arange(200) / 120.0
+    for number, (angle, pull) in enumerate(((1.5, 7.5), (2.9, 3.0), (4.3, 4.0), (5.5, 3.5))[:runs]):
+        way = 0.5 * pull * np.clip(time - 0.3, 0, 0.3) ** 2 + pull * 0.3 * np.clip(time - 0.6, 0, 0.2)
+        p = np.stack([way * np.cos(angle), 0.03 + 0 * time, way * np.sin(angle)], axis=1)
+        p += 2e-4 * rng.standard_normal(p.shape)
+        columns = {f"puck_{axis}_mm": 1e3 * p[:, k] for k, axis in enumerate("xyz")}
+        write_columns(tmp_path / f"push{number}.csv", t=time, **columns)
+    draft = drafted(tmp_path if runs > 1 else tmp_path / "push0.csv")
+    asked = [g.question for g in draft.of("bodies.gravity")]
+    assert asked and all(" up" in question for question in asked)
+    if runs > 1:
+        assert draft.bodies["gravity"] == pytest.approx([0.0, -9.81, 0.0])
+
+
 def test_a_round_body_is_asked_whether_it_rolls(tmp_path: Path) -> None:
     for made in several(slide, World(friction=0.3), 3, 1):
         x, y = made.track.position[:, 0], made.track.position[:, 1]

@@ -74,7 +74,8 @@ def draft_bodies(tracks: Sequence[LoggedTrack]) -> Draft | None:
     same = [c for c in candidates if (c.part, c.track.used, c.track.stem) == of_it]
     runs = [chosen, *(look_at(each) for each in same if each.path != files[0])]
     pushing = sorted(name for name in chosen.each.table.columns if set(words_in(name)) & PUSHES)
-    if pushing and not _most_fall_alike(runs):  # what is pushed speeds up as well
+    # What is pushed speeds up as well, and what a hand pushes along a plane does so beside no tip's column.
+    if (pushing or _falls_along_a_plane(runs)) and not _most_fall_alike(runs):
         runs = [replace(run, fall=None, curve=None) for run in runs]
         chosen = runs[0]
     fall = next((run.fall for run in runs if run.fall is not None), None)
@@ -94,7 +95,7 @@ def draft_bodies(tracks: Sequence[LoggedTrack]) -> Draft | None:
     named = chosen.each.table.maker or set(chosen.each.track.stem) & BODIES
     draft.bodies = {"body": {"name": "_".join(chosen.each.track.stem)}} if named else {}
     draft.bodies["track"] = track
-    _describe_up(chosen, fall, draft)
+    _describe_up(chosen, fall, len(runs) == 1 and _falls_along_a_plane(runs), draft)
     _describe_contact(runs, fall, draft)
     _add_recordings(runs, draft)
     return draft
@@ -104,6 +105,21 @@ def _most_fall_alike(runs: Sequence[SeenTrack]) -> bool:
     """Whether gravity is what most runs show: it pulls every one of them the same way."""
     falls = [(run.fall.axis, run.fall.up) for run in runs if run.fall is not None]
     return any(falls.count(way) > 0.5 * len(runs) for way in set(falls))
+
+
+def _falls_along_a_plane(runs: Sequence[SeenTrack]) -> bool:
+    """Whether what looks like a fall lies in the plane that most tracks stay in, as what is pushed there does."""
+    across = [_plane_across(run) for run in runs]
+    axis = max(range(3), key=across.count)
+    flat = across.count(axis) > 0.5 * len(runs)
+    return flat and any(run.fall is not None and run.fall.axis != axis for run in runs)
+
+
+def _plane_across(run: SeenTrack) -> int | None:
+    """The axis of a track's three along which it hardly moves; None where there is none."""
+    widths = np.nanpercentile(run.each.position, 98, axis=0) - np.nanpercentile(run.each.position, 2, axis=0)
+    order = np.argsort(widths)
+    return int(order[0]) if len(widths) == 3 and widths[order[0]] < FLAT * widths[order[1]] else None
 
 
 def _describe_track(
@@ -258,7 +274,7 @@ def _add_angle(each: LoggedTrack, source: dict[str, Any], entry: dict[str, Any],
         return
 
 
-def _describe_up(chosen: SeenTrack, fall: FreeFall | None, draft: Draft) -> None:
+def _describe_up(chosen: SeenTrack, fall: FreeFall | None, maybe_pushed: bool, draft: Draft) -> None:
     axes, key = chosen.each.track.axes, "bodies.gravity"
     if fall is not None:
         letter = axes[fall.axis]
@@ -269,6 +285,8 @@ def _describe_up(chosen: SeenTrack, fall: FreeFall | None, draft: Draft) -> None
         if fall.lean > SURE_LEAN:
             lean = float(np.degrees(fall.lean))
             question = f"gravity leans by {lean:.0f} degrees from {letter}: is it {sign}{letter} up?"
+        elif maybe_pushed:
+            question = f"it stays in a plane along {letter}: is {sign}{letter} up, or was it pushed there?"
         draft.note(key, f"{sign}{letter} is up: that is where what is tossed comes back from", question)
         draft.bodies["gravity"], draft.falls = gravity, True
         return
@@ -299,12 +317,10 @@ def _describe_up(chosen: SeenTrack, fall: FreeFall | None, draft: Draft) -> None
 def _guess_up(chosen: SeenTrack) -> tuple[str, int, str]:
     """The axis that is likely up in a track where nothing falls, its sign, and why."""
     each = chosen.each
-    widths = np.nanpercentile(each.position, 98, axis=0) - np.nanpercentile(each.position, 2, axis=0)
-    order = np.argsort(widths)
     words = {word for name in (*each.track.used, each.path.stem, each.part) for word in words_in(name)}
     down = -1 if words & DOWNWARDS else 1
-    if len(widths) == 3 and widths[order[0]] < FLAT * widths[order[1]]:
-        letter = each.track.axes[order[0]]
+    if (across := _plane_across(chosen)) is not None:
+        letter = each.track.axes[across]
         return letter, down if letter == "z" else 1, f"; it stays in a plane across {letter}"
     if each.table.maker == "Motive" and not down < 0:
         return "y", 1, "; Motive's y is up unless it was exported otherwise"

@@ -1,9 +1,9 @@
-"""CSV exports of motion captures, whose columns are named by several rows above the table.
+"""Exports of motion captures, whose columns are named by several rows above the table.
 
 OptiTrack Motive (docs.optitrack.com, Data Export: CSV): a line of keys and values, then rows of types, names,
 (since 1.2x) IDs and parents, Rotation or Position, and axes. Vicon Nexus and Tracker: sections, each with its
 name, its rate, a row of names, a row of axes and one of units. Empty cells are frames in which something was
-not seen.
+not seen. Qualisys' are read in `qualisys.py`.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from samrl_ros.log_import.formats.qualisys import read_qualisys
 from samrl_ros.log_import.table import Table
 
 VICON_SECTIONS = ("Objects", "Segments", "Trajectories", "Model Outputs")
@@ -34,6 +35,8 @@ def read_motion_capture(path: Path, lines: Sequence[str]) -> Table | None:
     head = [line.strip().strip('"') for line in lines[:_FIRST_LINES]]
     if head and head[0].replace(";", ",").lower().startswith("format version,"):
         return _read_motive(path, lines)
+    if (table := read_qualisys(path, lines)) is not None:
+        return table
     for number, line in enumerate(head[:-1]):
         name, rate = line.rstrip(",;"), _number(head[number + 1].rstrip(",;"))
         if name in VICON_SECTIONS and rate is not None and rate > 0:

@@ -34,6 +34,8 @@ FORMATS: list[tuple[Writer, Rotation]] = [
     (body_logs.motive, Y_UP),
     (body_logs.motive_labelled, Y_UP),
     (body_logs.vicon, Rotation.identity()),
+    (body_logs.qualisys_markers, Rotation.identity()),
+    (body_logs.qualisys_bodies, Rotation.identity()),
     (body_logs.tum, Rotation.identity()),
     (body_logs.euroc, Rotation.identity()),
     (body_logs.ros_echo, Rotation.identity()),
@@ -41,6 +43,8 @@ FORMATS: list[tuple[Writer, Rotation]] = [
     (body_logs.semicolons, Rotation.identity()),
     (body_logs.arrays, Rotation.identity()),
 ]
+
+LOSES_FOUR = (body_logs.motive, body_logs.qualisys_markers)
 
 
 def drafted(*paths: Path) -> Draft:
@@ -66,7 +70,7 @@ def test_each_format_is_read_as_it_was_made(write: Writer, frame: Rotation, tmp_
     assert draft.kind == "bodies" and not draft.questions, draft.questions
     (got,) = imported(draft, tmp_path)
     kept = np.array([np.abs(made.track.time - t).argmin() for t in got.track.time])
-    assert len(got.track) == len(made.track) - (4 if write is body_logs.motive else 0)
+    assert len(got.track) == len(made.track) - (4 if write in LOSES_FOUR else 0)
     np.testing.assert_allclose(got.track.time, made.track.time[kept], atol=2e-4)
     np.testing.assert_allclose(got.track.position, frame.apply(made.track.position[kept]), atol=1e-5)
     np.testing.assert_allclose(got.gravity, frame.apply([0.0, 0.0, -9.81]), atol=1e-9)
@@ -74,7 +78,7 @@ def test_each_format_is_read_as_it_was_made(write: Writer, frame: Rotation, tmp_
         turned = Rotation.from_quat(got.track.quat_xyzw)
         apart = turned.inv() * frame * Rotation.from_quat(made.track.quat_xyzw[kept])
         assert float(apart.magnitude().max()) < 1e-4
-    assert bool(got.track.turns) == (write is not body_logs.semicolons)
+    assert bool(got.track.turns) == (write not in (body_logs.semicolons, body_logs.qualisys_markers))
 
 
 def test_a_folder_of_tosses_is_diagnosed_in_one_step(
@@ -352,7 +356,7 @@ def test_a_push_is_no_fall(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("runs", [1, 4])
 def test_what_speeds_up_in_a_level_plane_does_not_tell_which_way_is_up(runs: int, tmp_path: Path) -> None:
-    """A hand pushes a puck on a table in Motive's frame, y up, and nothing beside it says that it is pushed."""
+    """A hand pushes a puck on a table in Motive's frame, y up, and nothing beside it says so."""
     rng = np.random.default_rng(3)
     time = np.arange(200) / 120.0
     for number, (angle, pull) in enumerate(((1.5, 7.5), (2.9, 3.0), (4.3, 4.0), (5.5, 3.5))[:runs]):

@@ -79,6 +79,45 @@ def vicon(path: Path, track: BodyTrack) -> Path:
     return _write(path.with_suffix(".csv"), rows)
 
 
+def _qualisys_head(track: BodyTrack, *, kind: str) -> list[str]:
+    rate = 1.0 / float(np.median(np.diff(track.time)))
+    return [
+        f"NO_OF_FRAMES\t{len(track)}", "NO_OF_CAMERAS\t8", f"FREQUENCY\t{rate:.6g}", "NO_OF_ANALOG\t0",
+        "ANALOG_FREQUENCY\t0", "DESCRIPTION\t--", "TIME_STAMP\t2024-03-12, 14:22:31.112\t5520.10420",
+        f"DATA_INCLUDED\t{kind}",
+    ]  # fmt: skip
+
+
+def qualisys_markers(path: Path, track: BodyTrack) -> Path:
+    """Track Manager's TSV of two markers, neither frame nor time nor axes, a tab at each row's end."""
+    rows = [*_qualisys_head(track, kind="3D"), "MARKER_NAMES\tground\tcube"]
+    for k in range(len(track)):
+        seen = (
+            "0.000\t0.000\t0.000" if 20 <= k < 24 else "\t".join(f"{1e3 * v:.3f}" for v in track.position[k])
+        )
+        rows.append(f"250.000\t-80.000\t10.000\t{seen}\t")
+    return _write(path.with_suffix(".tsv"), rows)
+
+
+def qualisys_bodies(path: Path, track: BodyTrack) -> Path:
+    """Its TSV of a rigid body: frame, time, position, angles, residual, and the matrix by columns."""
+    rows = [*_qualisys_head(track, kind="6D"), "BODY_NAMES\tcube"]
+    rows.append(
+        "\t".join(
+            ["Frame", "Time", *"XYZ", "Roll", "Pitch", "Yaw", "Residual", *(f"Rot[{k}]" for k in range(9))]
+        )
+    )
+    turns = Rotation.from_quat(track.quat_xyzw)
+    angles, matrices = (
+        turns.as_euler("XYZ", degrees=True),
+        np.swapaxes(turns.as_matrix(), 1, 2).reshape(-1, 9),
+    )
+    for k, time in enumerate(track.time):
+        seen = [*(1e3 * track.position[k]), *angles[k], 0.4, *matrices[k]]
+        rows.append("\t".join([str(k + 1), f"{time:.5f}", *(f"{v:.6f}" for v in seen)]))
+    return _write(path.with_suffix(".tsv"), rows)
+
+
 def tum(path: Path, track: BodyTrack) -> Path:
     """TUM's trajectories: blanks, comments above, the last of which names the columns (vision.in.tum.de)."""
     rows = ["# ground truth trajectory", "# file: 'rgbd_dataset.bag'", "# timestamp tx ty tz qx qy qz qw"]

@@ -108,7 +108,7 @@ def _most_fall_alike(runs: Sequence[SeenTrack]) -> bool:
 
 
 def _falls_along_a_plane(runs: Sequence[SeenTrack]) -> bool:
-    """Whether what looks like a fall lies in the plane that most tracks stay in, as what is pushed there does."""
+    """Whether what looks like a fall lies in the plane that most tracks stay in, as a push there does."""
     across = [_plane_across(run) for run in runs]
     axis = max(range(3), key=across.count)
     flat = across.count(axis) > 0.5 * len(runs)

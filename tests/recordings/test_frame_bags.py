@@ -140,6 +140,19 @@ def test_a_topic_of_poses_is_seen_beside_the_frames_of_an_arm(tmp_path: Path) ->
     assert np.allclose(got.camera_in_flange.position, CAMERA[:3, 3], atol=1e-8)
 
 
+@pytest.mark.parametrize("tags", [1, 2])
+def test_the_list_of_a_detector_is_read_by_the_numbers_of_its_tags(tags: int, tmp_path: Path) -> None:
+    """apriltag_ros' array: tags come in any order, and lists without one are moments without a view."""
+    bag = write_frames(tmp_path / "run", arm_frames(noise=0.0), poses="/tag_detections", tags=tags)
+    draft = drafted(bag)
+    assert draft.sources["target"]["part"] == "/tag_detections"
+    assert "camera_in_flange" in draft.poses and draft.sources["flange"]["part"] == FLANGE
+    assert any("and not detections" in q for q in draft.questions) == (tags > 1)
+    seen = imported(draft, tmp_path).seen
+    assert 180 < len(seen.time) < 218, "lists without the tag are left out"
+    assert np.abs(np.diff(seen.position, axis=0)).max() < 0.09, "another tag is 0.1 m beside it"
+
+
 def _turned(log: FrameLog) -> FrameLog:
     """The flange's fixed transform once more, the other way round."""
     child, parent, pose = log.static[0]

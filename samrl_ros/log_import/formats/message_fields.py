@@ -16,7 +16,8 @@ def flatten(message: Any) -> dict[str, float | np.ndarray]:
 
     An array whose length is that of a list of names beside it or above it (`name`, `joint_names`,
     `interface_names`) is given per name as well: `position.JOINT`. Elements of a list of messages have
-    their name, their own `name` field, or their number in the path: `points.0.positions.JOINT`.
+    their name, their own `name` field, their own number or that of `ids` (tags come in any order), or their
+    place in the path: `points.0.positions.JOINT`.
     """
     found: dict[str, float | np.ndarray] = {}
     _add(found, "", message, [])
@@ -31,6 +32,7 @@ def _fields(message: Any) -> dict[str, Any]:
 def _add(found: dict[str, float | np.ndarray], prefix: str, message: Any, labels: list[list[str]]) -> None:
     fields = _fields(message)
     own = [value for value in fields.values() if _is_names(value)]
+    own += [ids for name, value in fields.items() if name.endswith("ids") and (ids := _different(value))]
     inside = [*own, *labels]  # the nearest first
     for name, value in fields.items():
         path = f"{prefix}{name}"
@@ -70,9 +72,36 @@ def _add_list(
     names = next((names for names in labels if len(names) == len(value)), None)
     if names is None:
         own = [getattr(each, "name", "") for each in value]
-        names = own if _is_names(own) else [str(k) for k in range(len(value))]
+        names = own if _is_names(own) else _ids_of(value) or [str(k) for k in range(len(value))]
     for name, each in zip(names, value, strict=True):
         _add(found, f"{path}.{name}.", each, labels)
+
+
+def _ids_of(elements: list[Any]) -> list[str]:
+    """What their field `id` or `..._id` says, where it says something else of each; else empty."""
+    for name in _fields(elements[0]):
+        if name == "id" or name.endswith("_id"):
+            ids = [getattr(each, name, None) for each in elements]
+            if said := _different([_joined(each) if isinstance(each, np.ndarray) else each for each in ids]):
+                return said
+    return []
+
+
+def _joined(ids: np.ndarray) -> str:
+    """Of a bundle of tags: 3_7."""
+    return "_".join(str(each) for each in ids.ravel())
+
+
+def _different(ids: Any) -> list[str]:
+    """Whole numbers or names as text, where all of them differ; else empty."""
+    if isinstance(ids, np.ndarray) and ids.dtype.kind not in "iu":
+        return []
+    if not isinstance(ids, list | np.ndarray) or not all(
+        isinstance(each, str | int | np.integer) for each in ids
+    ):
+        return []
+    said = [str(each) for each in ids]
+    return said if all(said) and len(set(said)) == len(said) else []
 
 
 def _is_names(value: Any) -> bool:

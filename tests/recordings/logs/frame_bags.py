@@ -20,6 +20,8 @@ BEGIN_S = 1_700_000_000.0
 FLANGE_IN_WRIST = matrix((0.0, 0.0, 0.09), (0.0, 0.0, 0.5))  # a fixed joint of the description
 ELBOW = matrix((0.0, 0.1, 0.35), (0.3, 0.0, 0.0))
 OPTICAL = matrix((0.0, 0.02, 0.0), (0.1, -1.2, 1.2))  # in camera_link
+_TAG = "int32[] id\nfloat64[] size\ngeometry_msgs/PoseWithCovarianceStamped pose\n"
+_TAGS = "std_msgs/Header header\napriltag_ros/AprilTagDetection[] detections\n"
 NAMES = {"base": "base_link", "elbow": "forearm_link", "wrist": "wrist_3_link", "flange": "tool0",
          "mount": "camera_link", "camera": "camera_color_optical_frame", "target": "tag36h11:7"}  # fmt: skip
 
@@ -93,14 +95,20 @@ def arm_frames(
 
 
 def write_frames(
-    path: Path, log: FrameLog, kind: str = "mcap", joints: bool = False, poses: str = ""
+    path: Path, log: FrameLog, kind: str = "mcap", joints: bool = False, poses: str = "", tags: int = 0
 ) -> Path:
-    """A bag of one kind; `joints` adds joint states, `poses` is a topic in place of the target."""
+    """A bag of one kind.
+
+    `joints` adds joint states, `poses` is a topic in place of the target; with `tags` a detector's list of
+    so many, the target the last of them, in any order and now and then none.
+    """
     ros1 = kind == "ros1"
     store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_JAZZY)
     if ros1:
         text = "geometry_msgs/TransformStamped[] transforms\n"
         store.register(get_types_from_msg(text, "tf/msg/tfMessage"))
+    store.register(get_types_from_msg(_TAG, "apriltag_ros/msg/AprilTagDetection"))
+    store.register(get_types_from_msg(_TAGS, "apriltag_ros/msg/AprilTagDetectionArray"))
     types = store.types
     tf = "tf/msg/tfMessage" if ros1 else "tf2_msgs/msg/TFMessage"
 
@@ -120,6 +128,22 @@ def write_frames(
             ),
         )  # fmt: skip
 
+    def detected(head: Any, pose: Any) -> Any:
+        found = []
+        for tag in rng.permutation(tags) if rng.random() > 0.1 else ():
+            if tag < tags - 1 and rng.random() < 0.3:
+                continue  # another tag, which is lost more often
+            at = types["geometry_msgs/msg/Point"](
+                pose.position.x + 0.1 * (tags - 1 - tag), pose.position.y, 1.0
+            )
+            own = pose if tag == tags - 1 else types["geometry_msgs/msg/Pose"](at, pose.orientation)
+            covered = types["geometry_msgs/msg/PoseWithCovariance"](own, np.zeros(36))
+            stamped = types["geometry_msgs/msg/PoseWithCovarianceStamped"](head, covered)
+            numbers = np.array([tag], dtype=np.int32), np.array([0.08])
+            found.append(types["apriltag_ros/msg/AprilTagDetection"](*numbers, stamped))
+        return types["apriltag_ros/msg/AprilTagDetectionArray"](head, found)
+
+    rng = np.random.default_rng(0)
     rows = [log.static, *(transforms for _, transforms in log.moving)]
     written = [pose for row in rows for _, _, pose in row]
     rotations = np.array([pose[:3, :3] for pose in written]).reshape(-1, 3, 3)
@@ -149,6 +173,11 @@ def write_frames(
                 pose = types["geometry_msgs/msg/Pose"](
                     types["geometry_msgs/msg/Point"](at.x, at.y, at.z), turn
                 )
+                if tags:
+                    write(
+                        poses, "apriltag_ros/msg/AprilTagDetectionArray", stamp, detected(seen.header, pose)
+                    )
+                    continue
                 message = types["geometry_msgs/msg/PoseStamped"](seen.header, pose)
                 write(poses, "geometry_msgs/msg/PoseStamped", stamp, message)
                 continue

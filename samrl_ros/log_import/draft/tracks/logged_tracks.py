@@ -42,6 +42,12 @@ POSES = frozenset(
     f"geometry_msgs/msg/{name}"
     for name in ("PoseStamped", "PoseWithCovarianceStamped", "TransformStamped", "PointStamped", "Pose")
 ) | {"nav_msgs/msg/Odometry"}
+# Lists of what a detector saw, each with its number and its pose in the camera of the header.
+DETECTORS = frozenset(
+    "apriltag_ros/msg/AprilTagDetectionArray apriltags2_ros/msg/AprilTagDetectionArray"
+    " aruco_opencv_msgs/msg/ArucoDetection aruco_msgs/msg/MarkerArray ros2_aruco_interfaces/msg/ArucoMarkers"
+    " fiducial_msgs/msg/FiducialTransformArray".split()
+)
 # Files of ETH's hand_eye_calibration: `poses_B_H`, the hand in the base, `poses_W_E`, the eye in the world.
 HAND_EYE = re.compile(r"(?:^|_)([BW])_([HE])(?:_|$)")
 FRAMES = {"B": "base", "H": "hand", "W": "world", "E": "eye"}
@@ -126,12 +132,18 @@ class LoggedTable:
     csv: CsvOptions = CsvOptions()
 
     def tracks(self) -> list[LoggedTrack]:
-        """Its poses and positions; of a topic the first."""
+        """Its poses and positions; of a topic the one that was seen most often."""
         moved = [track for track in find_positions(self.table) if not _counts_rows(self.table, track)]
-        found = _without_commands(moved)[: 1 if self.part else None]
+        found = _without_commands(moved)
+        if self.part:
+            found = sorted(found, key=lambda each: -_count_seen(self.table, each))[:1]
         for track in found:
             empty_zeros(self.table, track)
         return [LoggedTrack(self.path, self.table, t, self.part, self.header, self.csv) for t in found]
+
+
+def _count_seen(table: Table, track: FoundTrack) -> int:
+    return int(np.isfinite(position_of(table, track)).all(axis=1).sum())
 
 
 def _counts_rows(table: Table, track: FoundTrack) -> bool:
@@ -241,7 +253,7 @@ def _topics(path: Path) -> list[LoggedTable]:
     """Topics of a bag that are poses of one thing."""
     out = []
     for topic in list_topics(path, "the log"):
-        if topic.type in POSES and topic.count >= LEAST:
+        if topic.type in POSES | DETECTORS and topic.count >= LEAST:
             table = read_table(path, CsvOptions(), "the log", topic.name)
             header = read_frames(path, topic.name, "the log")
             out.append(LoggedTable(path, table, topic.name, header))

@@ -21,7 +21,7 @@ from samrl_ros.log_import.draft.column_names import CAMERAS, SEEN
 from samrl_ros.log_import.draft.tracks.found_track import LEAST
 from samrl_ros.log_import.draft.tracks.logged_tracks import LoggedTrack, files_of
 from samrl_ros.log_import.draft.tracks.pose_runs import PoseRuns
-from samrl_ros.log_import.draft.tracks.pose_tracks import find_positions
+from samrl_ros.log_import.draft.tracks.pose_tracks import find_positions, find_tracks
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics
 from samrl_ros.log_import.formats.transform_tree import (
     BETWEEN,
@@ -137,8 +137,12 @@ def find_chains(path: Path, topics: Sequence[LoggedTrack]) -> FoundChains | None
             return None
         carried, arm = replace(rest[0], role=-1), ""
     stated, reasons = _stated(tree, arm, camera, flange, base)
+    asked = _asked(edges, bool(guessed), seen, carried, rivals)
+    beside = [] if edges else [t for t in find_tracks(seen.table) if t.used != seen.track.used]
+    if beside and not asked:
+        asked = f"is it {seen.track.used[0]}, and not {shorten([t.used[0] for t in beside])}?"
     return FoundChains(
-        seen, carried, arm, stated, reasons, _asked(edges, bool(guessed), seen, carried, rivals),
+        seen, carried, arm, stated, reasons, asked,
         tuple(f"{path.name}: {edge.name}" for edge in edges[1:]),
     )  # fmt: skip
 

@@ -49,11 +49,15 @@ def has_no_law(plant: PlantParameters) -> bool:
 
 
 def drive_forward(
-    trial: Trial, plants: Mapping[str, PlantParameters], onset: float | None = None
+    trial: Trial,
+    plants: Mapping[str, PlantParameters],
+    onset: float | None = None,
+    off: Mapping[str, np.random.Generator] | None = None,
 ) -> tuple[np.ndarray, dict[str, np.ndarray], dict[str, dict[str, np.ndarray]], dict[str, np.ndarray]]:
     """Time (N,) of all windows one after another, measured and simulated channels (N, J), scales (J,).
 
-    Plants that diverge are NaN from there on; before `onset` [s] every plant is the first of them.
+    Plants that diverge are NaN from there on; before `onset` [s] every plant is the first of them. Those in
+    `off` start beside the log by its noise, drawn anew for each window.
     """
     motion, arm = trial.motion, trial.recording.arm
     assert trial.rigid is not None and motion.raw_commanded is not None and motion.raw_position is not None
@@ -80,8 +84,7 @@ def drive_forward(
         early = onset is not None and motion.time[start] - motion.time[0] < onset
         runs = loop.rollout(
             driven,
-            motion.full_position[start],
-            motion.full_velocity[start],
+            *begin_off(trial, start, plants, off or {}),
             [nominal if early else plant for plant in plants.values()],
             float(time[-1]),
             record_every=every,
@@ -102,6 +105,30 @@ def drive_forward(
     )
 
 
+def begin_off(
+    trial: Trial, sample: int, plants: Mapping[str, PlantParameters], off: Mapping[str, np.random.Generator]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Position and velocity (B, J) from which plants start at a sample; off by the log's noise for `off`."""
+    motion = trial.motion
+    position, velocity = (
+        np.tile(x[sample], (len(plants), 1)) for x in (motion.full_position, motion.full_velocity)
+    )
+    deviations = np.sqrt(motion.band_share) * motion.noise.position, _start_speeds(trial)
+    for k, name in enumerate(plants):
+        if name in off:
+            position[k] += deviations[0] * off[name].standard_normal(trial.joints)
+            velocity[k] += deviations[1] * off[name].standard_normal(trial.joints)
+    return position, velocity
+
+
+def _start_speeds(trial: Trial) -> np.ndarray:
+    """Standard deviation (J,) of the velocities at which windows start."""
+    motion = trial.motion
+    if motion.raw_velocity is not None:
+        return np.sqrt(motion.band_share) * motion.noise.velocity
+    return np.sqrt(np.maximum(motion.velocity_noise(), 0.0))
+
+
 def _driven(time: np.ndarray, effort: np.ndarray, every: int) -> JointSignal:
     """Logged efforts (N, J) as a controller gives them that tracks nothing, `every` times between samples."""
     fine = np.interp(np.arange((len(time) - 1) * every + 1) / every, np.arange(len(time)), time)
@@ -112,14 +139,12 @@ def _driven(time: np.ndarray, effort: np.ndarray, every: int) -> JointSignal:
 
 def _scales(trial: Trial) -> dict[str, np.ndarray]:
     """Error (J,) that a tolerated torque and the start's noise cause over a window, typically."""
-    motion, tolerances = trial.motion, trial.recording.arm.tolerances
+    tolerances = trial.recording.arm.tolerances
     limit = np.asarray(trial.scale)
     torque = limit * np.hypot(np.asarray(tolerances.torque_offset), np.asarray(tolerances.coulomb_friction))
     inertia = np.mean(np.diagonal(trial.mass, axis1=1, axis2=2), axis=0) + trial.rotor
     acceleration = np.maximum(torque, 1e-4 * limit) / inertia
-    speed = np.sqrt(np.maximum(motion.velocity_noise(), 0.0))
-    if motion.raw_velocity is not None:
-        speed = np.sqrt(motion.band_share) * motion.noise.velocity
+    speed = _start_speeds(trial)
     return {
         "position": np.hypot(acceleration * WINDOW_S**2 / 4.0, speed * WINDOW_S / 2.0),
         "velocity": np.hypot(acceleration * WINDOW_S / 2.0, speed),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeGuard
 
@@ -12,7 +12,7 @@ from samrl_core.cell.types.arm_recording import JointSignal
 from samrl_core.common.errors import InputError, LimitError
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.trial import Trial
-from samrl_core.diagnosis.selection.forward_windows import drivable, drive_forward, has_no_law
+from samrl_core.diagnosis.selection.forward_windows import begin_off, drivable, drive_forward, has_no_law
 from samrl_core.diagnosis.selection.gap_metric import QUANTITIES, bootstrap_shrink, channel_scales
 from samrl_core.diagnosis.selection.hypothesis import ONSET, Fit
 from samrl_core.diagnosis.simulation.closed_loop import ClosedLoop, Rollouts
@@ -87,9 +87,10 @@ def _in_pieces(
     trial: Trial,
     command: JointSignal,
     enabled: JointSignal | None,
-    plants: list[PlantParameters],
+    plants: Mapping[str, PlantParameters],
     duration: float,
     every: int,
+    off: Mapping[str, np.random.Generator],
 ) -> Rollouts:
     """Rollouts that begin anew from the measured state every `PIECE_S`: nothing else keeps them near it."""
     motion = trial.motion
@@ -101,7 +102,7 @@ def _in_pieces(
         k = int(np.searchsorted(motion.time - motion.time[0], begin - 1e-9))
         later = replace(command, time=command.time - begin)
         part = loop.rollout(
-            later, motion.full_position[k], motion.full_velocity[k], plants,
+            later, *begin_off(trial, k, plants, off), list(plants.values()),
             (duration - begin) if last else length - period, record_every=every,
             enabled=from_start(enabled, begin), keep_diverged=True,
         )  # fmt: skip
@@ -130,13 +131,19 @@ def begins(fit: Fit) -> float | None:
     return fit.hypotheses[0].shape.get(ONSET)
 
 
-def resimulate(trial: Trial, plants: dict[str, PlantParameters], onset: float | None = None) -> Resimulation:
+def resimulate(
+    trial: Trial,
+    plants: dict[str, PlantParameters],
+    onset: float | None = None,
+    off: Mapping[str, np.random.Generator] | None = None,
+) -> Resimulation:
     """Simulate a recording's command with each plant. A plant that diverges is NaN from there on.
 
-    Before `onset` [s] every plant is nominal.
+    Before `onset` [s] every plant is nominal. Those in `off` begin beside the log by its noise wherever no
+    loop would take that back.
     """
     if not simulable(trial):
-        return Resimulation(trial, *drive_forward(trial, plants, onset))
+        return Resimulation(trial, *drive_forward(trial, plants, onset, off))
     arm, motion = trial.recording.arm, trial.motion
     command = motion.drive_input
     assert trial.rigid is not None and command is not None and arm.controller is not None
@@ -151,7 +158,7 @@ def resimulate(trial: Trial, plants: dict[str, PlantParameters], onset: float | 
     start_v = np.median(motion.full_velocity[:5], axis=0)
     switched = from_start(motion.recording.torque_enabled, motion.time[0])
     if arm.controller.law.open_loop:
-        rollouts = _in_pieces(loop, trial, shifted, switched, list(plants.values()), duration, every)
+        rollouts = _in_pieces(loop, trial, shifted, switched, plants, duration, every, off or {})
     else:
         rollouts = loop.rollout(
             shifted, start_q, start_v, list(plants.values()), duration, record_every=every, enabled=switched,

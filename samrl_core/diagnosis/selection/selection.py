@@ -15,6 +15,7 @@ from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.selection.bounded_tolerances import evidence_beyond
 from samrl_core.diagnosis.selection.cancellation import undo_each_other
 from samrl_core.diagnosis.selection.contenders import NEXT, Contender, contend, denied_by_motion
+from samrl_core.diagnosis.selection.form_that_moves import with_form_that_moves
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, Hypothesis, hypothesis, on_bound
 from samrl_core.diagnosis.selection.null_simulations import simulate_null_evidence, threshold
 from samrl_core.diagnosis.selection.other_starts import STARTS, in_plain_terms, simplest
@@ -136,13 +137,13 @@ def select(
             evidence.correlation_time, pool=tuple(pool),
         )  # fmt: skip
     progress("weighing candidates")
-    contenders = (
-        contend(evidence, singles, excess, least) if settings.simulate else [Contender(singles[0], 1.0)]
-    )
+    contenders = [Contender(singles[0], 1.0)]
+    if settings.simulate:
+        contenders = with_form_that_moves(evidence, pool, contend(evidence, singles, excess, least), excess)
     firsts = [c.fit for c in contenders]
     chosen = firsts[0]
-    singles = [chosen, *(f for f in singles if f.hypotheses[0].name != chosen.hypotheses[0].name)]
     most = max(f.log_evidence for f in singles)
+    singles = [chosen, *(f for f in singles if f.hypotheses[0].name != chosen.hypotheses[0].name)]
     progress("looking for an onset")
     left = likelihood.deficit(evidence.remainder(chosen), k) / max(excess, chosen.log_evidence, 1e-9)
     if left > settings.onset_remainder and (switched := find_onset(evidence, pool, singles)) is not None:

@@ -30,6 +30,7 @@ from samrl_core.diagnosis.selection.resimulation import (
 )
 from samrl_core.diagnosis.selection.selection import Selection, held_out_remainder
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
+from samrl_core.diagnosis.verdict.foretold_motion import ForetoldMotion
 from samrl_core.diagnosis.verdict.gap_in_noise import compare_in_noise
 
 OVERLAYS = 6  # joint and quantity pairs that are plotted
@@ -52,6 +53,7 @@ class HowFar:
     size: float | None = None  # of the fitted first effect, that simulation would have best
     # By index of a further member: 95 % interval of what it takes off the gap that the others leave
     further: Mapping[int, tuple[float, float]] = field(default_factory=dict)
+    foretold: ForetoldMotion | None = None  # where the simulated gap does not shrink for sure
 
 
 def how_far(

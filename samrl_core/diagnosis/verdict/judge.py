@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -23,9 +24,11 @@ from samrl_core.diagnosis.verdict.confidence import estimates, probabilities
 from samrl_core.diagnosis.verdict.confirmation import not_confirmed, nothing_confirms
 from samrl_core.diagnosis.verdict.encompassing import find_told_apart, why_tied
 from samrl_core.diagnosis.verdict.foretelling import find_as_foretelling, is_denied_there
+from samrl_core.diagnosis.verdict.foretold_motion import foretell_motion
 from samrl_core.diagnosis.verdict.further_members import find_superfluous
 from samrl_core.diagnosis.verdict.how_far import HowFar, how_far
 from samrl_core.diagnosis.verdict.invariance import invariance_alarms
+from samrl_core.diagnosis.verdict.missed_motion import is_missed, may_not_shrink
 from samrl_core.diagnosis.verdict.open_forms import keep_forms_open
 
 RUNNER_UPS = 5
@@ -112,7 +115,8 @@ class Judge:
             tied = range(1, len(twins) + 1)
             apart = find_told_apart(likelihood, held, selection)
             told = [i for i, r in enumerate(rivals, 1) if i not in tied and any(r is a for a in apart)]
-            p = probabilities([chosen, *rivals], selection.remaining, tied, denied, told)
+            weighed = partial(probabilities, [chosen, *rivals], tied=tied, denied=denied, told=told)
+            p = weighed(selection.remaining)
             named = tuple(
                 _named(evidence, chosen, i, float(p[0]), "primary" if i == 0 else "secondary", rng)
                 for i in range(len(chosen.hypotheses))
@@ -130,6 +134,17 @@ class Judge:
         self.progress("how far")
         far = how_far(held, selection, self.simulate, rng, self.progress, likelihood)
         alarms += list(far.alarms)
+        if chosen is not None and may_not_shrink(chosen, far, self.settings):
+            far = replace(far, foretold=foretell_motion(held.trials, chosen, rng))
+        if chosen is not None and is_missed(far, self.settings):
+            assert far.gap is not None and far.foretold is not None
+            # A formula that leaves this share of the motion is told from others as if it left that of torque.
+            left = far.foretold.beyond(far.gap) * chosen.log_evidence
+            p = weighed(max(selection.remaining, left))
+            named = tuple(replace(n, probability=float(p[0])) for n in named)
+            runner_ups = tuple(
+                replace(n, probability=float(q)) for n, q in zip(runner_ups, p[1:], strict=False)
+            )
         outcome = rules.decide(selection, named, runner_ups, alarms, far, self.settings)
         if chosen is None and doubted:
             outcome = rules.Decision("none_of_mine", tuple(doubted), unexplained=1.0)

@@ -15,6 +15,7 @@ from samrl_core.diagnosis.result import HeldOutGap, NamedEffect
 from samrl_core.diagnosis.selection.selection import Selection
 from samrl_core.diagnosis.verdict.decision import Decision, VerdictSettings
 from samrl_core.diagnosis.verdict.how_far import HowFar
+from samrl_core.diagnosis.verdict.missed_motion import why_missed, why_silent
 
 
 def decide(
@@ -55,9 +56,12 @@ def decide(
             f" smaller; {first.name} is named for the motion, which it brings closer at the size found"
         )
     tie = _tie(first, runner_ups, far, settings)
+    missed = why_missed(first.name, far, settings)
     if tie is not None:
-        return Decision("ambiguous", (*reasons, tie.reason), tie.names)
-    return Decision("effect", (*reasons, *_why_named(selection, first, runner_ups, far)))
+        return Decision("ambiguous", (*reasons, tie.reason, *missed), tie.names)
+    if missed:
+        return Decision("none_of_mine", (*reasons, *missed, f"nearest is {first.name}"))
+    return Decision("effect", (*reasons, *_why_named(selection, first, runner_ups, far, settings)))
 
 
 def _shows_nowhere(selection: Selection, far: HowFar, settings: VerdictSettings) -> bool:
@@ -212,7 +216,11 @@ def _tie(
 
 
 def _why_named(
-    selection: Selection, first: NamedEffect, runner_ups: Sequence[NamedEffect], far: HowFar
+    selection: Selection,
+    first: NamedEffect,
+    runner_ups: Sequence[NamedEffect],
+    far: HowFar,
+    settings: VerdictSettings,
 ) -> list[str]:
     """What speaks for the effect that is named."""
     out = [f"{first.name} gains {first.gain:.0f} of log evidence; {selection.threshold:.0f} are needed"]
@@ -224,6 +232,7 @@ def _why_named(
         out.append(f"the next best, {runner_ups[0].name}, explains {told}")
     if far.gap is not None and far.gap.shrink is not None:
         out.append(how_it_moves(far.gap))
+        out += why_silent(first.name, far, settings)
     return out
 
 

@@ -28,7 +28,7 @@ from samrl_core.diagnosis.verdict.foretold_motion import foretell_motion
 from samrl_core.diagnosis.verdict.further_members import find_superfluous
 from samrl_core.diagnosis.verdict.how_far import HowFar, how_far
 from samrl_core.diagnosis.verdict.invariance import invariance_alarms
-from samrl_core.diagnosis.verdict.missed_motion import is_missed, may_not_shrink
+from samrl_core.diagnosis.verdict.missed_motion import evidence_missed, is_missed, may_not_shrink
 from samrl_core.diagnosis.verdict.open_forms import keep_forms_open
 
 RUNNER_UPS = 5
@@ -134,18 +134,14 @@ class Judge:
         self.progress("how far")
         far = how_far(held, selection, self.simulate, rng, self.progress, likelihood)
         alarms += list(far.alarms)
-        if chosen is not None and may_not_shrink(chosen, far, self.settings):
-            far = replace(far, foretold=foretell_motion(held.trials, chosen, rng))
-        if chosen is not None and is_missed(far, self.settings):
-            assert far.gap is not None and far.foretold is not None
-            # A formula that leaves this share of the motion is told from others as if it left that of torque.
-            left = far.foretold.beyond(far.gap) * chosen.log_evidence
-            p = weighed(max(selection.remaining, left))
-            named = tuple(replace(n, probability=float(p[0])) for n in named)
-            runner_ups = tuple(
-                replace(n, probability=float(q)) for n, q in zip(runner_ups, p[1:], strict=False)
-            )
         outcome = rules.decide(selection, named, runner_ups, alarms, far, self.settings)
+        named_at_all = outcome.verdict in ("effect", "ambiguous")
+        if chosen is not None and named_at_all and may_not_shrink(chosen, far, self.settings):
+            far = replace(far, foretold=foretell_motion(held.trials, chosen, rng))
+            if is_missed(far, self.settings):
+                p = weighed(max(selection.remaining, evidence_missed(chosen, far)))
+                named, runner_ups = _with_probabilities(named, runner_ups, p)
+            outcome = rules.decide(selection, named, runner_ups, alarms, far, self.settings)
         if chosen is None and doubted:
             outcome = rules.Decision("none_of_mine", tuple(doubted), unexplained=1.0)
         if outcome.verdict == "effect" and nothing_confirms(likelihood, selection, far, self.settings):
@@ -290,6 +286,14 @@ def _as_open(
     even = 1.0 / (1 + len(tied))
     others = (replace(r, probability=even if r.name in tied else 0.0) for r in runner_ups)
     return tuple(replace(n, probability=even) for n in named), tuple(others)
+
+
+def _with_probabilities(
+    named: tuple[NamedEffect, ...], runner_ups: tuple[NamedEffect, ...], p: np.ndarray
+) -> tuple[tuple[NamedEffect, ...], tuple[NamedEffect, ...]]:
+    """What is named and its rivals with probabilities (1 + R,)."""
+    others = (replace(r, probability=float(q)) for r, q in zip(runner_ups, p[1:], strict=False))
+    return tuple(replace(n, probability=float(p[0])) for n in named), tuple(others)
 
 
 def _is_denied(selection: Selection, chosen: Fit, rival: Fit) -> bool:

@@ -27,6 +27,15 @@ def is_missed(far: HowFar, settings: VerdictSettings) -> bool:
     )
 
 
+def evidence_missed(chosen: Fit, far: HowFar) -> float:
+    """Log evidence [nat] that the formula leaves, if it leaves the same share of torque as of motion.
+
+    Formulas that are wrong by so much are not told apart by less.
+    """
+    assert far.gap is not None and far.foretold is not None
+    return far.foretold.beyond(far.gap) * chosen.log_evidence
+
+
 def why_missed(name: str, far: HowFar, settings: VerdictSettings) -> tuple[str, ...]:
     """What the motion lacks, in words; empty if nothing."""
     if not is_missed(far, settings):

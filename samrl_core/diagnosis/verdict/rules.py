@@ -58,7 +58,7 @@ def decide(
     tie = _tie(first, runner_ups, far, settings)
     missed = why_missed(first.name, far, settings)
     if tie is not None:
-        return Decision("ambiguous", (*reasons, tie.reason, *missed), tie.names)
+        return Decision("ambiguous", (*reasons, *missed, tie.reason), tie.names)
     if missed:
         return Decision("none_of_mine", (*reasons, *missed, f"nearest is {first.name}"))
     return Decision("effect", (*reasons, *_why_named(selection, first, runner_ups, far, settings)))
@@ -231,8 +231,7 @@ def _why_named(
             told = f"{-lead:.0f} more of the torque; simulated motion or wider tolerances put it behind"
         out.append(f"the next best, {runner_ups[0].name}, explains {told}")
     if far.gap is not None and far.gap.shrink is not None:
-        out.append(how_it_moves(far.gap))
-        out += why_silent(first.name, far, settings)
+        out.append(why_silent(first.name, far, settings) or how_it_moves(far.gap))
     return out
 
 

@@ -143,6 +143,14 @@ def test_a_gap_that_stays_is_not_said_to_shrink(shrink: float, ci95: tuple[float
     assert said in "\n".join(summary(replace(d, gap=replace(d.gap, shrink=shrink, ci95=ci95))))
 
 
+def test_a_gap_that_would_not_shrink_anyway_is_said_so() -> None:
+    """A cause found and a gap that stays contradict each other for who does not read the report."""
+    said = "the gap does not shrink for sure, nor would it were it all there is"
+    d = samples.diagnosis("effect")
+    assert "  but " not in "\n".join(summary(d))
+    assert f"  but          {said}" in summary(replace(d, reasons=(*d.reasons, said)))
+
+
 def test_a_size_that_was_asked_for_is_shown() -> None:
     """`--track` was heard, and answered in report.json alone."""
     assert tracked(samples.diagnosis("effect")) == []

@@ -285,6 +285,22 @@ def test_an_array_of_all_that_was_recorded_holds_a_pose(tmp_path: Path) -> None:
     assert [each for each in draft.questions if "wxyz" in each]
 
 
+@pytest.mark.parametrize("behind", [6, 12])
+def test_a_table_of_states_without_names_holds_a_pose(behind: int, tmp_path: Path) -> None:
+    """The same as text: position, quaternion, velocities and, of some, what moved it; it was refused."""
+    for k, made in enumerate(several(toss, World(), 3, 3)):
+        track = made.track
+        speed = np.gradient(track.position, track.time, axis=0)
+        rest = np.zeros((len(track), behind - 3))
+        values = np.hstack([track.position, track.quat_xyzw[:, [3, 0, 1, 2]], speed, rest])
+        np.savetxt(tmp_path / f"toss{k}.csv", values, delimiter=",", fmt="%.7g")
+    draft = drafted(tmp_path)
+    assert draft.kind == "bodies" and draft.recordings == [{"glob": "*.csv"}]
+    assert len(draft.bodies["track"]["position"]) == 3 and len(draft.bodies["track"]["quaternion"]) == 4
+    assert [each for each in draft.questions if "frame rate" in each]
+    assert [each for each in draft.questions if "wxyz" in each]
+
+
 def test_a_bag_of_frames_alone_says_what_to_record(tmp_path: Path) -> None:
     store = get_typestore(Stores.ROS2_JAZZY)
     kind = store.types["tf2_msgs/msg/TFMessage"]

@@ -8,16 +8,18 @@ from samrl_ros.log_import.draft.tracks.found_track import LEAST, Component, Foun
 from samrl_ros.log_import.table import Table
 
 _UNIT_LENGTH = 0.01  # by which a quaternion's length may differ from 1
-_WIDTHS = (3, 6, 7, 12, 16)  # a position, with three angles, with a quaternion, matrices
+_STATES = (13, 19)  # a pose, its velocities and, of ContactNets' tosses, six more
+_WIDTHS = (3, 6, 7, 12, 16, *_STATES)  # a position, with three angles, with a quaternion, matrices, states
+_FOLLOWS = 0.9  # correlation of a velocity with the steps of its position
 
 
 def find_unnamed(table: Table, arrays: dict[str, np.ndarray]) -> list[FoundTrack]:
     """A pose in columns without names, or in one array of all that was recorded.
 
     A time, a count or nothing, then TUM's seven numbers (or the quaternion first), KITTI's twelve, a matrix
-    of sixteen by rows or columns, or a position and three angles. What stands before them increases: a
-    motor's input, time, speed and angle are no time and position. Of an array a position and four numbers of
-    length 1 are a pose, whatever follows them.
+    of sixteen by rows or columns, a position and three angles, or a pose with its velocities behind it. What
+    stands before them increases: a motor's input, time, speed and angle are no time and position. Of an array
+    a position and four numbers of length 1 are a pose, whatever follows them.
 
     Args:
         table: of the log.
@@ -49,6 +51,10 @@ def _pose_of(parts: list[Component], numbers: np.ndarray) -> dict[str, list[Comp
     if width in (12, 16):
         listed = matrix_parts(parts, numbers)
         return {"matrix": listed} if listed else {}
+    if width in _STATES:
+        moves = np.diff(numbers[:, :3], axis=0).ravel(), (numbers[1:, 7:10] + numbers[:-1, 7:10]).ravel()
+        told = all(np.ptp(each) for each in moves) and np.corrcoef(*moves)[0, 1] > _FOLLOWS
+        return _pose_of(parts[:7], numbers[:, :7]) if told and _are_quaternions(numbers[:, 3:7]) else {}
     if width == 7:
         if _are_quaternions(numbers[:, 3:]):
             return {"position": parts[:3], "quaternion": parts[3:]}

@@ -250,7 +250,7 @@ def _outside_gaps(
     spec: PoseRecordingSpec, seen: PoseTrack, arms: list[ArmPoses], notes: list[str]
 ) -> PoseTrack:
     """Seen poses that fall into no gap of an arm's stamps: a spline over one is no measurement."""
-    known = np.logical_and.reduce([are_between(seen.time, arm.stamps) for arm in arms])
+    known = np.logical_and.reduce([are_between(seen.time, arm.stamps, splined=True) for arm in arms])
     if known.all():
         return seen
     if known.sum() < 2:

@@ -11,6 +11,7 @@ from samrl_ros.log_import.specs import Filter, Resample
 _EVEN = 0.02  # relative jitter of the steps up to which a filter takes them as even
 _LEAST = 30  # samples a filter needs
 _GAP_STEPS = 5.0  # typical steps without a sample, beyond which nothing is known between two
+_USUAL = 0.95  # of the steps, which are no gaps
 _GAP_S = 0.2  # likewise; what is slower than 5 Hz is no motion that can be interpolated
 
 
@@ -30,13 +31,21 @@ def find_gaps(stamps: np.ndarray) -> np.ndarray:
     return steps > max(_GAP_STEPS * float(np.median(steps)), _GAP_S)
 
 
-def are_between(time: np.ndarray, stamps: np.ndarray) -> np.ndarray:
-    """Mask (N,) of times within increasing stamps (M,), and in none of their gaps."""
+def are_between(time: np.ndarray, stamps: np.ndarray, splined: bool = False) -> np.ndarray:
+    """Mask (N,) of times within increasing stamps (M,), and in none of their gaps.
+
+    A spline carries the noise of the stamps beside a gap into it, the farther the more: what is to be splined
+    has gaps of five of the longer usual steps (stamps may come in bursts), however short these are.
+    """
     if len(stamps) < 2:
         return np.isin(time, stamps)
     after = np.clip(np.searchsorted(stamps, time), 1, len(stamps) - 1)
     inside = (time >= stamps[0]) & (time <= stamps[-1])
-    return inside & (~find_gaps(stamps)[after - 1] | np.isin(time, stamps))
+    gaps = find_gaps(stamps)
+    if splined:
+        steps = np.diff(stamps)
+        gaps |= steps > _GAP_STEPS * float(np.quantile(steps, _USUAL))
+    return inside & (~gaps[after - 1] | np.isin(time, stamps))
 
 
 def low_pass(time: np.ndarray, values: np.ndarray, smoothing: Filter, where: str) -> np.ndarray:

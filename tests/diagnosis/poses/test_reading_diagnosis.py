@@ -12,6 +12,7 @@ from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.diagnose import diagnose
 from samrl_core.diagnosis.export.recalibration import Recalibration
 from samrl_core.diagnosis.kinds.readings.readings import split_readings
+from samrl_core.diagnosis.residuals.readings.time_pattern import find_time_pattern
 from samrl_core.diagnosis.result import Diagnosis
 from samrl_ros.log_import.formulas import evaluate
 
@@ -101,6 +102,53 @@ def test_early_stamps_and_drifts_are_the_clocks(offset: float, drift: float) -> 
             assert abs(d.effects[0].parameters[name].value - true) < within
         else:
             assert true == 0.0
+
+
+def visited(warms: float, scale: float = 0.0, seed: int = 0, rounds: int = 5) -> ReadingRecording:
+    """A wall at four distances, put up anew by tape for each visit, while a factor of the depth warms up."""
+    rng = np.random.default_rng(seed)
+    stood = np.concatenate([rng.permutation([0.5, 0.75, 1.0, 1.3]) for _ in range(rounds)])
+    off = 3e-4 * rng.standard_normal(len(stood))
+    time = np.repeat(30.0 * np.arange(len(stood)), 30) + np.tile(np.arange(30) / 30, len(stood))
+    true, tape = np.repeat(stood, 30), np.repeat(off, 30)
+    factor = 1.0 + scale + warms * (1.0 - np.exp(-time / 300.0))
+    read = factor * (true + tape) + NOISE_M * true**2 * rng.standard_normal(len(true))
+    return ReadingRecording("warm", "made", f"{seed:064x}", "depth", "camera", time, read, true)
+
+
+@pytest.mark.parametrize("warms", [0.008, -0.012])
+def test_depth_that_changes_with_time_is_no_factor(warms: float) -> None:
+    """A sensor that warmed up was a factor, an offset and a square, with a held-out gap hardly smaller."""
+    d = told(visited(warms))
+    assert d.verdict == "none_of_mine"
+    assert any("with time alone" in reason for reason in d.reasons)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_factor_at_distances_that_repeat_is_still_named(seed: int) -> None:
+    d = told(visited(0.0, scale=0.01, seed=seed))
+    assert d.verdict == "effect" and d.effects[0].name == "depth_scale@sensor:camera"
+
+
+def test_what_follows_from_time_is_not_found_in_noise_or_in_sweeps() -> None:
+    """Whatever the tape was off by, how long a plane stood, and where depth grows with time."""
+    for seed in range(40):
+        assert not find_time_pattern([visited(0.0, seed=seed)])
+        assert not find_time_pattern([visited(0.0, seed=seed, rounds=1)])
+        assert not find_time_pattern([depth(square=0.01, seed=seed)])
+    assert find_time_pattern([visited(0.005)])
+
+
+@pytest.mark.parametrize("scale", [0.0, 0.01])
+def test_the_wall_behind_a_board_tells_nothing_of_the_depth(scale: float) -> None:
+    """A board that fills half of the image: far off, the plane that most pixels are on is the wall's."""
+    board = depth(scale=scale)
+    read = board.reading.copy()
+    behind = (board.reference > 1.3) & (np.arange(len(read)) % 4 > 0)
+    read[behind] = 2.4 + 0.002 * np.random.default_rng(1).standard_normal(int(behind.sum()))
+    d = told(replace(board, reading=read))
+    assert d.verdict == ("effect" if scale else "no_gap"), d.reasons
+    assert any("stand apart" in note for note in d.notes)
 
 
 def test_a_clock_that_jumped_is_not_explained() -> None:

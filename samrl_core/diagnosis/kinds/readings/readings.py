@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 from typing import ClassVar
 
 import numpy as np
@@ -19,10 +20,12 @@ from samrl_core.diagnosis.recordings.held_out import SHARE
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.readings.reading_trial import SLOW, ReadingTrial, plateaus_of
+from samrl_core.diagnosis.residuals.readings.time_pattern import find_time_pattern
 from samrl_core.diagnosis.result import NextExperiment
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
 from samrl_core.diagnosis.selection.twins import AS_MUCH
 from samrl_core.diagnosis.verdict.how_far import HowFar
+from samrl_core.diagnosis.verdict.judge import Doubts
 
 LEAST = 40  # readings of a recording that is cut
 NEXT_DEPTHS_M = (0.3, 0.5, 0.8, 1.2, 1.8)
@@ -100,6 +103,19 @@ class Readings(Kind[ReadingRecording]):
         return [
             f"errors that last over neighbouring readings hold {excess:.0f} of log evidence; no effect does"
         ]
+
+    def doubts_of(self, fitted: Likelihood, held_out: Likelihood) -> Doubts:
+        """Those of the fitted recordings, and what of the depth follows from time in all of a file."""
+        files: dict[tuple[str, str], list[ReadingRecording]] = {}
+        for trial in (*fitted.trials, *held_out.trials):
+            if isinstance(trial, ReadingTrial) and trial.recording.quantity == "depth":
+                files.setdefault((trial.recording.source, trial.recording.sha256), []).append(trial.recording)
+        drifts = cache(lambda: [found for parts in files.values() if (found := find_time_pattern(parts))])
+
+        def doubts(evidence: Evidence, chosen: Fit | None, least: float) -> list[str]:
+            return self.doubts(evidence, chosen, least) or drifts()
+
+        return doubts
 
     def next_experiment(
         self, likelihood: Likelihood, fits: Sequence[Fit], names: Sequence[str], seed: int

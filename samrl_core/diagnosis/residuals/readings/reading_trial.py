@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,9 @@ GROUPS, LEAST_SPREAD = 8, 0.4  # of readings by depth, and of its logarithm, tha
 NEXT_TO_STEP, STEP = 25, 8.0  # stamps on either side of a step of the clocks, and its size in their noise
 SLOW = 6.0  # readings that count as one where it is asked whether anything at all is there
 MOST_STEPS = 5  # that are told
+# Share of the depth, and [m], by which no sensor is off: such a reading is of another surface.
+ELSEWHERE, ELSEWHERE_M = 0.25, 0.05
+LEFT_OUT = 1e3  # times the noise: as good as left out
 APART = 6.0  # standard deviations beyond which a reading is none of this quantity
 
 
@@ -50,15 +54,24 @@ class ReadingTrial(Observed):
         self.cached: dict[tuple[str, str], Any] = {}
         self.tolerated = self.tolerances()
         self._error = recording.reading - recording.reference
-        self.outliers = 0
+        self.outliers = int(np.count_nonzero(self._elsewhere))
         if like is None:
             self.power = self._noise_power()
             self.level, apart = self._noise()
-            self.outliers = int(np.count_nonzero(apart > 1.0))
+            self.outliers = int(np.count_nonzero((apart > 1.0) | self._elsewhere))
             self._sigma = self.level * apart * self._growth
         else:
             self.power, self.level = like.power, like.level
             self._sigma = self.level * self._growth
+        self._sigma[self._elsewhere] *= LEFT_OUT
+
+    @cached_property
+    def _elsewhere(self) -> np.ndarray:
+        """Readings (N,) that are of another surface, as the wall behind a board; none where most would be."""
+        if self.recording.quantity != "depth":
+            return np.zeros(len(self._error), dtype=bool)
+        found = np.abs(self._error) > ELSEWHERE * self.over + ELSEWHERE_M
+        return found & (found.mean() <= 0.5)
 
     @property
     def over(self) -> np.ndarray:
@@ -183,7 +196,8 @@ class ReadingTrial(Observed):
         """
         if self.recording.quantity != "depth":
             return 0
-        steps, x = np.diff(self._error), 0.5 * (self.over[1:] + self.over[:-1])
+        error, over = self._error[~self._elsewhere], self.over[~self._elsewhere]
+        steps, x = np.diff(error), 0.5 * (over[1:] + over[:-1])
         groups = np.array_split(np.argsort(x, kind="stable"), max(2, min(GROUPS, len(x) // LEAST_READINGS)))
         depth = np.log([float(np.median(x[g])) for g in groups])
         if float(np.ptp(depth)) < LEAST_SPREAD:
@@ -193,10 +207,11 @@ class ReadingTrial(Observed):
 
     def _noise(self) -> tuple[float, np.ndarray]:
         """Standard deviation at 1 m around a smooth error, and factors (N,) above one that stand apart."""
-        x, by = self.over, self._growth
+        kept = ~self._elsewhere
+        x, by = self.over[kept], self._growth[kept]
         centred = (x - np.mean(x)) / max(float(np.std(x)), 1e-12)
         basis = np.stack([np.ones_like(x), centred, centred**2], axis=1) / by[:, None]
-        y, weight = self._error / by, np.ones_like(x)
+        y, weight = self._error[kept] / by, np.ones_like(x)
         left = y
         for _ in range(ROUNDS):
             a = basis * weight[:, None]
@@ -212,7 +227,9 @@ class ReadingTrial(Observed):
         # Delays and rounded depths have longer tails than a Gaussian, of which quantiles tell too little.
         steps = np.diff(left)[~(apart[1:] | apart[:-1])]
         level = max(level, float(np.std(steps)) / np.sqrt(2.0)) if len(steps) > LEAST_READINGS // 2 else level
-        return level, np.where(apart, score**2, 1.0)
+        factors = np.ones(len(kept))
+        factors[kept] = np.where(apart, score**2, 1.0)
+        return level, factors
 
 
 def tolerance_columns(trial: ReadingTrial, widened: float = 1.0) -> list[tuple[Columns, float]]:

@@ -13,6 +13,8 @@ POWERS = (0, 1, 2)  # of the distance with which noise of a detected pose may gr
 ALIKE = ((0, 1), (2,), (3, 4, 5))  # channels that grow alike: across the view, along it, turns
 CLEARLY = 5.0  # [nat] by which growing noise must be likelier than even noise
 FREEDOM = 4.0  # of the Student distribution that tells it
+JITTERS_S = (0.0, *(1e-4 * 2.0 ** (0.5 * k) for k in range(13)))  # [s] of stamps, up to 6 ms
+LEAST_STEPS = 40  # views from which on differences tell it
 LEAST_SPREAD = 0.3  # of the distance's logarithm, below which growth does not show
 ROBUST = 1.4826  # of a median absolute deviation, for a Gaussian
 OUTLIER = 6.0  # standard deviations beyond which a detection is not one of the target
@@ -97,6 +99,30 @@ def growth_power(left: np.ndarray, distance: np.ndarray) -> np.ndarray:
         best = int(np.argmax(likely))
         out[list(channels)] = POWERS[best] if likely[best] > likely[0] + CLEARLY else 0
     return out
+
+
+def stamp_jitter(left: np.ndarray, rate: np.ndarray, level: np.ndarray) -> float:
+    """By how much stamps scatter [s], where noise clearly grows with speed (N, 6) per s; else 0.
+
+    By differences of neighbours, which hold no delay and no drift: those are no noise.
+
+    Args:
+        left: what is left of the residuals (N, 6).
+        rate: change of the target's pose per second (N, 6) that a shift of stamps makes.
+        level: noise (6,) of any view.
+    """
+    if len(left) < LEAST_STEPS:
+        return 0.0
+    steps = np.diff(left, axis=0) / np.sqrt(2.0)
+    speed = np.abs(0.5 * (rate[1:] + rate[:-1])) / level
+
+    def likely(jitter: float) -> float:
+        grown = np.sqrt(1.0 + (jitter * speed) ** 2)
+        return _log_student(steps / grown) - float(np.sum(np.log(grown)))
+
+    found = {jitter: likely(jitter) for jitter in JITTERS_S}
+    best = max(found, key=found.__getitem__)
+    return best if found[best] > found[0.0] + CLEARLY else 0.0
 
 
 def _log_student(values: np.ndarray) -> float:

@@ -21,6 +21,8 @@ from samrl_core.diagnosis.residuals.poses.noise import (
     find_change,
     growth_power,
     leftover,
+    noise_level,
+    stamp_jitter,
 )
 
 CHANNELS = ("position_x", "position_y", "position_z", "rotation_x", "rotation_y", "rotation_z")
@@ -252,14 +254,23 @@ class PoseTrial(Observed):
         power = growth_power(left, distance) if like is None else like.power
         growth = distance[:, None] ** power
         middle = np.median(growth, axis=0)
+        growth = growth * self._of_jitter(left * middle / growth)
         even = left * middle / growth
         least = like.level * middle if few and like is not None else np.zeros(len(floor))
         level, score = find_apart(even, floor, least)
         noise = DetectorNoise(level / middle, power)
-        sigma = noise.at(distance)
+        sigma = noise.level * growth
         apart = score > 0.0
         sigma[apart] *= (score[apart] ** 2)[:, None]  # as good as left out
         return noise, sigma, apart
+
+    def _of_jitter(self, even: np.ndarray) -> np.ndarray:
+        """Factors (N, 6) above one by which stamps that scatter raise the noise of views in motion."""
+        if not self.shows_time:
+            return np.ones_like(even)
+        rate = self.at_target(sum(self.rates.values(), np.zeros((len(even), 6))))
+        level = noise_level(even, np.zeros(6))
+        return np.sqrt(1.0 + (stamp_jitter(even, rate, level) * rate / level) ** 2)
 
     def _what_may_be_off(self) -> tuple[list[np.ndarray], list[float]]:
         """Columns (N, 6) of every constant, the size and joints' zeros, and their standard deviations."""

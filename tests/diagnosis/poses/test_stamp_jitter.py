@@ -1,0 +1,77 @@
+"""Stamps that scatter: noise of views in motion, and neither a gap nor what hides one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.interpolate import PchipInterpolator
+from scipy.spatial.transform import Rotation
+
+from samrl_core.cell.types.pose import Pose
+from samrl_core.cell.types.pose_recording import ArmPoses, PoseRecording
+from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
+from samrl_core.diagnosis.kinds.poses.poses import split_poses
+from samrl_core.diagnosis.residuals.poses.noise import stamp_jitter
+from samrl_core.diagnosis.result import Diagnosis
+from tests.diagnosis.poses.pose_worlds import CAMERA, NONE, SMALL, TARGET, background, track
+
+JITTER_S = 4e-4
+NOISE_M, NOISE_RAD = 6e-5, 3e-4  # of a large board, seen well
+
+
+def stop_and_go(seed: int, error: np.ndarray = NONE, late: float = 0.0) -> PoseRecording:
+    """A camera that an arm takes from view to view and holds there; its stamps scatter."""
+    rng = np.random.default_rng(seed)
+    knots = np.cumsum(np.tile([1.0, 0.8], 20)) - 1.0
+    places = np.repeat(rng.uniform(-1.0, 1.0, (20, 6)) * [0.25, 0.25, 0.1, 0.4, 0.4, 0.7], 2, axis=0)
+    path = PchipInterpolator(knots, places)
+
+    def flange(time: np.ndarray) -> np.ndarray:
+        at = path(time)
+        out = np.tile(np.eye(4), (len(time), 1, 1))
+        out[:, :3, :3] = (Rotation.from_euler("x", np.pi) * Rotation.from_rotvec(at[:, 3:])).as_matrix()
+        out[:, :3, 3] = [0.4, 0.0, 0.5] + at[:, :3]
+        return out
+
+    stamps = np.arange(0.0, knots[-1], 1 / 125)
+    time = np.arange(0.3, knots[-1] - 0.3, 1 / 15)
+    seen = np.linalg.inv(flange(time - late) @ CAMERA @ background(rng) @ error) @ TARGET @ background(rng)
+    seen[:, :3, 3] += NOISE_M * rng.standard_normal((len(time), 3))
+    turned = Rotation.from_rotvec(NOISE_RAD * rng.standard_normal((len(time), 3))).as_matrix()
+    seen[:, :3, :3] = turned @ seen[:, :3, :3]
+    scattered = stamps + JITTER_S * rng.standard_normal(len(stamps))
+    return PoseRecording(
+        "run", "made by a test", f"{seed:064x}", track(time, seen),
+        ArmPoses("camera_arm", track(scattered, flange(stamps))), None,
+        Pose.from_matrix(CAMERA), Pose.from_matrix(TARGET), None,
+    )  # fmt: skip
+
+
+def told(recording: PoseRecording) -> Diagnosis:
+    fit, held_out = split_poses(recording)
+    return diagnose([fit], [held_out], DiagnosisSettings())[0]
+
+
+@pytest.mark.parametrize("seed", [3, *(pytest.param(s, marks=pytest.mark.thorough) for s in (1, 2, 4, 5, 6))])
+def test_stamps_that_scatter_are_no_gap(seed: int) -> None:
+    """Views in motion were noisier than those at rest, which looked like a pattern beyond noise."""
+    assert told(stop_and_go(seed)).verdict == "no_gap"
+
+
+@pytest.mark.thorough
+def test_stamps_that_scatter_hide_neither_a_mount_nor_a_delay() -> None:
+    assert [e.family for e in told(stop_and_go(1, SMALL)).effects] == ["hand_eye"]
+    late = told(stop_and_go(1, late=0.02))
+    assert late.verdict == "ambiguous"
+    assert set(late.ambiguity_set[0]) == {"camera_latency@sensor:camera", "clock_offset@arm:camera_arm"}
+
+
+@pytest.mark.parametrize("jitter", [0.0, 5e-4, 2e-3])
+def test_the_scatter_of_stamps_is_found_from_neighbours(jitter: float) -> None:
+    """A delay that lasts is none of it."""
+    rng = np.random.default_rng(2)
+    rate = np.sin(0.7 * np.arange(600)[:, None] / 15 + np.arange(6)) * [0.5, 0.5, 0.3, 1.0, 1.0, 1.0]
+    level = np.array([1e-4] * 3 + [3e-4] * 3)
+    left = level * rng.standard_normal((600, 6)) + (0.001 + jitter * rng.standard_normal((600, 1))) * rate
+    found = stamp_jitter(left, rate, level)
+    assert found == pytest.approx(jitter, rel=0.4, abs=1e-9)

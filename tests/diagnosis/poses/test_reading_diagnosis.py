@@ -124,7 +124,7 @@ def test_depth_that_changes_with_time_is_no_factor(warms: float) -> None:
     assert any("with time alone" in reason for reason in d.reasons)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(s, marks=pytest.mark.thorough) for s in (1, 2))])
 def test_a_factor_at_distances_that_repeat_is_still_named(seed: int) -> None:
     d = told(visited(0.0, scale=0.01, seed=seed))
     assert d.verdict == "effect" and d.effects[0].name == "depth_scale@sensor:camera"
@@ -132,7 +132,7 @@ def test_a_factor_at_distances_that_repeat_is_still_named(seed: int) -> None:
 
 def test_what_follows_from_time_is_not_found_in_noise_or_in_sweeps() -> None:
     """Whatever the tape was off by, how long a plane stood, and where depth grows with time."""
-    for seed in range(40):
+    for seed in range(10):
         assert not find_time_pattern([visited(0.0, seed=seed)])
         assert not find_time_pattern([visited(0.0, seed=seed, rounds=1)])
         assert not find_time_pattern([depth(square=0.01, seed=seed)])

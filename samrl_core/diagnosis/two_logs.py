@@ -16,7 +16,7 @@ import numpy as np
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.residuals.phases import phases_of_motion
-from samrl_core.diagnosis.residuals.signal_noise import white_noise
+from samrl_core.diagnosis.residuals.signals.signal_noise import white_noise
 from samrl_core.diagnosis.result import PHASES
 
 RATE_HZ = 200.0  # of the comparison, at most

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from samrl_core.diagnosis.residuals.sample_times import regular, sample_times
-from samrl_core.diagnosis.residuals.signal_band import onto_grid
+from samrl_core.diagnosis.residuals.signals.sample_times import regular, sample_times
+from samrl_core.diagnosis.residuals.signals.signal_band import onto_grid
 from tests.diagnosis import worlds
 
 PERIOD = 0.004

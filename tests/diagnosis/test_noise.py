@@ -14,8 +14,8 @@ from samrl_core.cell.types.arm_description import ArmDescription
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
 from samrl_core.diagnosis.residuals.motion import RecordedMotion
-from samrl_core.diagnosis.residuals.noise_color import NoiseColor
-from samrl_core.diagnosis.residuals.signal_noise import (
+from samrl_core.diagnosis.residuals.signals.noise_color import NoiseColor
+from samrl_core.diagnosis.residuals.signals.signal_noise import (
     highest_sure_frequency,
     white_noise,
     without_differences,

@@ -11,9 +11,9 @@ import pytest
 from scipy import signal
 
 from samrl_core.cell.types.arm_recording import JointSignal
-from samrl_core.diagnosis.residuals.low_pass import OFFLINE, find_offline_filter
 from samrl_core.diagnosis.residuals.motion import DIFFERENCED_HZ
-from samrl_core.diagnosis.residuals.signal_noise import white_noise, without_filtered_rate
+from samrl_core.diagnosis.residuals.signals.low_pass import OFFLINE, find_offline_filter
+from samrl_core.diagnosis.residuals.signals.signal_noise import white_noise, without_filtered_rate
 
 FAST_HZ, EVERY, JOINTS = 1000.0, 10, 3
 RATE_HZ, BAND_HZ = FAST_HZ / EVERY, 20.0

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
 from samrl_core.diagnosis.kinds.arms import Arms
-from samrl_core.diagnosis.residuals.signal_noise import follows
+from samrl_core.diagnosis.residuals.signals.signal_noise import follows
 from samrl_ros.log_import.draft.guess import Effort
 from samrl_ros.log_import.foreign import read_runs
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from samrl_core.diagnosis.residuals.zero_phase import ZeroPhaseFilter
+from samrl_core.diagnosis.residuals.signals.zero_phase import ZeroPhaseFilter
 
 
 @pytest.mark.parametrize("order", [1, 2, 3, 4])

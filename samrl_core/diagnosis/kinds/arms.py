@@ -19,13 +19,13 @@ from samrl_core.diagnosis.kinds.kind import Kind
 from samrl_core.diagnosis.recordings import split
 from samrl_core.diagnosis.recordings.in_common import in_common
 from samrl_core.diagnosis.recordings.velocity_lag import set_apart
-from samrl_core.diagnosis.residuals.control_law import infers_speed
 from samrl_core.diagnosis.residuals.field_time import with_field_time
-from samrl_core.diagnosis.residuals.law_velocity import with_law_velocity
+from samrl_core.diagnosis.residuals.laws.control_law import infers_speed
+from samrl_core.diagnosis.residuals.laws.law_velocity import with_law_velocity
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
-from samrl_core.diagnosis.residuals.sample_times import regular
-from samrl_core.diagnosis.residuals.signal_noise import (
+from samrl_core.diagnosis.residuals.signals.sample_times import regular
+from samrl_core.diagnosis.residuals.signals.signal_noise import (
     FAST_HZ,
     is_fast,
     tells_accelerations,

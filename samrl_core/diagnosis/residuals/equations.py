@@ -20,13 +20,13 @@ import numpy as np
 from samrl_core.cell.robots.joint_dynamics import joint_dynamics
 from samrl_core.cell.types.arm_description import HELD, ArmDescription
 from samrl_core.diagnosis.residuals.basis_functions import smooth_sign
-from samrl_core.diagnosis.residuals.followed import followed_position
-from samrl_core.diagnosis.residuals.goal_phase import widen_with_goals
+from samrl_core.diagnosis.residuals.laws.followed import followed_position
+from samrl_core.diagnosis.residuals.laws.goal_phase import widen_with_goals
 from samrl_core.diagnosis.residuals.motion import RecordedMotion
-from samrl_core.diagnosis.residuals.noise_color import NoiseColor
 from samrl_core.diagnosis.residuals.rest import widen_at_rest
-from samrl_core.diagnosis.residuals.rounding import rounding_noise, widen_at_edges, widen_where_held
-from samrl_core.diagnosis.residuals.signal_noise import (
+from samrl_core.diagnosis.residuals.signals.noise_color import NoiseColor
+from samrl_core.diagnosis.residuals.signals.rounding import rounding_noise, widen_at_edges, widen_where_held
+from samrl_core.diagnosis.residuals.signals.signal_noise import (
     is_fast,
     sample_detail,
     unknown_acceleration,

@@ -17,7 +17,7 @@ from scipy.interpolate import Akima1DInterpolator
 from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.diagnosis.residuals.basis_functions import smooth_sign
 from samrl_core.diagnosis.residuals.equations import NOMINAL_SIGN, form_equations
-from samrl_core.diagnosis.residuals.late_law import explained_log_likelihood, late_law_change
+from samrl_core.diagnosis.residuals.laws.late_law import explained_log_likelihood, late_law_change
 from samrl_core.diagnosis.residuals.motion import RecordedMotion
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 

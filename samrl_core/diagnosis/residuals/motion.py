@@ -14,11 +14,11 @@ import numpy as np
 
 from samrl_core.cell.types.arm_description import HELD, ArmController
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
-from samrl_core.diagnosis.residuals.control_law import LawTerms, held_values, infers_speed, law_terms
-from samrl_core.diagnosis.residuals.low_pass import find_any_filter, find_offline_filter
-from samrl_core.diagnosis.residuals.sample_times import SampleTimes, sample_times
-from samrl_core.diagnosis.residuals.signal_band import SignalBand, held_on_grid, nearest, onto_grid
-from samrl_core.diagnosis.residuals.signal_noise import (
+from samrl_core.diagnosis.residuals.laws.control_law import LawTerms, held_values, infers_speed, law_terms
+from samrl_core.diagnosis.residuals.signals.low_pass import find_any_filter, find_offline_filter
+from samrl_core.diagnosis.residuals.signals.sample_times import SampleTimes, sample_times
+from samrl_core.diagnosis.residuals.signals.signal_band import SignalBand, held_on_grid, nearest, onto_grid
+from samrl_core.diagnosis.residuals.signals.signal_noise import (
     Noise,
     Reading,
     is_fast,

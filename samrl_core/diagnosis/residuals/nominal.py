@@ -14,7 +14,6 @@ import numpy as np
 from samrl_core.cell.robots.joint_dynamics import joint_dynamics
 from samrl_core.cell.types.arm_description import Tolerances
 from samrl_core.diagnosis.residuals.basis_functions import smooth_sign
-from samrl_core.diagnosis.residuals.control_law import WOUND
 from samrl_core.diagnosis.residuals.equations import (
     NOMINAL_SIGN,
     WALKS,
@@ -23,10 +22,11 @@ from samrl_core.diagnosis.residuals.equations import (
     integrates,
 )
 from samrl_core.diagnosis.residuals.field_time import straight_time
-from samrl_core.diagnosis.residuals.goal_phase import reading_time, tooth_rates
-from samrl_core.diagnosis.residuals.late_law import late_law_change
+from samrl_core.diagnosis.residuals.laws.control_law import WOUND
+from samrl_core.diagnosis.residuals.laws.goal_phase import reading_time, tooth_rates
+from samrl_core.diagnosis.residuals.laws.late_law import late_law_change
 from samrl_core.diagnosis.residuals.motion import RecordedMotion
-from samrl_core.diagnosis.residuals.signal_noise import white_noise
+from samrl_core.diagnosis.residuals.signals.signal_noise import white_noise
 from samrl_core.diagnosis.residuals.trial import Trial, add
 
 CONTROLLER_GAIN = 0.003  # relative: rounding of published gains

@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from samrl_core.diagnosis.residuals.noise_color import NoiseColor
+from samrl_core.diagnosis.residuals.signals.noise_color import NoiseColor
 
 
 class Observed(ABC):

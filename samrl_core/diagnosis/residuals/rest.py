@@ -7,7 +7,7 @@ from scipy import ndimage
 
 from samrl_core.cell.robots.joint_dynamics import joint_dynamics
 from samrl_core.diagnosis.residuals.motion import RecordedMotion
-from samrl_core.diagnosis.residuals.noise_color import NoiseColor
+from samrl_core.diagnosis.residuals.signals.noise_color import NoiseColor
 
 REST_SPEED = 0.004  # [rad/s] below it friction is whatever holds the arm, between its two bounds
 REST_SHARE = 0.01  # of the effort limit: how far friction at rest may be from any formula

@@ -11,7 +11,6 @@ from scipy import signal
 
 from samrl_core.cell.robots.joint_dynamics import joint_dynamics
 from samrl_core.cell.types.arm_recording import ArmRecording
-from samrl_core.diagnosis.residuals.driving_quantities import quantities_of
 from samrl_core.diagnosis.residuals.equations import (
     UNITS,
     Columns,
@@ -21,11 +20,12 @@ from samrl_core.diagnosis.residuals.equations import (
     nominal_friction,
     settled,
 )
+from samrl_core.diagnosis.residuals.laws.driving_quantities import quantities_of
 from samrl_core.diagnosis.residuals.motion import RecordedMotion
-from samrl_core.diagnosis.residuals.noise_color import NoiseColor
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.phases import phases_of_motion
 from samrl_core.diagnosis.residuals.ranges import find_ranges
+from samrl_core.diagnosis.residuals.signals.noise_color import NoiseColor
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 from samrl_core.diagnosis.simulation.sprung_link import sprung_link
 

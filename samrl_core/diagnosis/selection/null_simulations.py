@@ -23,7 +23,7 @@ from samrl_core.common.files import write_whole
 from samrl_core.diagnosis.effects.effect import Effect
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
-from samrl_core.diagnosis.residuals.signal_noise import white_noise
+from samrl_core.diagnosis.residuals.signals.signal_noise import white_noise
 from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.selection.hypothesis import Evidence
 from samrl_core.diagnosis.selection.resimulation import from_start, simulable

@@ -12,7 +12,7 @@ from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.cell.types.controllers import KINDS
 from samrl_core.diagnosis.diagnose import diagnose
 from samrl_core.diagnosis.kinds.arms import Arms
-from samrl_core.diagnosis.residuals.signal_band import held_on_grid
+from samrl_core.diagnosis.residuals.signals.signal_band import held_on_grid
 from samrl_core.diagnosis.result import Diagnosis
 
 URDF = """<robot name="swing"><link name="base"/><link name="arm"><inertial><origin xyz="0 0 -0.2"/>

@@ -9,7 +9,7 @@ import pytest
 from scipy import signal
 
 from samrl_core.cell.types.arm_recording import ArmRecording
-from samrl_core.diagnosis.residuals.signal_noise import white_noise
+from samrl_core.diagnosis.residuals.signals.signal_noise import white_noise
 from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 from tests.diagnosis.controllers.late_speeds import record, swing

@@ -10,8 +10,8 @@ from scipy import signal
 
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
-from samrl_core.diagnosis.residuals.low_pass import find_low_pass
-from samrl_core.diagnosis.residuals.signal_noise import white_noise
+from samrl_core.diagnosis.residuals.signals.low_pass import find_low_pass
+from samrl_core.diagnosis.residuals.signals.signal_noise import white_noise
 from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 from tests.diagnosis.controllers.late_speeds import record, swing

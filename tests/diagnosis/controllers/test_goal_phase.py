@@ -12,7 +12,7 @@ from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.cell.types.controllers import controller_from
 from samrl_core.diagnosis.effects.friction.viscous_friction import EFFECT as VISCOUS
 from samrl_core.diagnosis.kinds.arms import arm_trials
-from samrl_core.diagnosis.residuals.goal_phase import reading_time
+from samrl_core.diagnosis.residuals.laws.goal_phase import reading_time
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.selection.hypothesis import Evidence
 

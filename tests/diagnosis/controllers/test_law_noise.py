@@ -11,7 +11,7 @@ from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.diagnosis.effects.drive.controller_gain import EFFECT as CONTROLLER_GAIN
 from samrl_core.diagnosis.effects.form import Place
 from samrl_core.diagnosis.kinds.arms import arm_trials
-from samrl_core.diagnosis.residuals.follow_command import part_that_follows, reads_what_is_logged
+from samrl_core.diagnosis.residuals.laws.follow_command import part_that_follows, reads_what_is_logged
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, hypothesis

@@ -17,14 +17,14 @@ from samrl_core.diagnosis.effects.drive.torque_rate_limit import EFFECT as RATE_
 from samrl_core.diagnosis.effects.drive_torque import turn_widths, usual_turns
 from samrl_core.diagnosis.effects.form import Place
 from samrl_core.diagnosis.kinds.arms import arm_trials
-from samrl_core.diagnosis.residuals.control_law import squared_rounding_error
 from samrl_core.diagnosis.residuals.equations import _controller_residual, integrated_terms
-from samrl_core.diagnosis.residuals.follow_command import part_that_follows
+from samrl_core.diagnosis.residuals.laws.control_law import squared_rounding_error
+from samrl_core.diagnosis.residuals.laws.follow_command import part_that_follows
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.motion import RecordedMotion
-from samrl_core.diagnosis.residuals.rounding import rounding_noise
-from samrl_core.diagnosis.residuals.signal_band import SignalBand
-from samrl_core.diagnosis.residuals.signal_noise import quantum
+from samrl_core.diagnosis.residuals.signals.rounding import rounding_noise
+from samrl_core.diagnosis.residuals.signals.signal_band import SignalBand
+from samrl_core.diagnosis.residuals.signals.signal_noise import quantum
 from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.selection.contenders import Contender, plain_first
 from samrl_core.diagnosis.selection.hypothesis import Evidence, hypothesis

@@ -12,7 +12,7 @@ from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.diagnosis.effects.form import Place
 from samrl_core.diagnosis.effects.transmission.joint_elasticity import EFFECT as ELASTICITY
 from samrl_core.diagnosis.kinds.arms import arm_trials
-from samrl_core.diagnosis.residuals.follow_command import span_of_command
+from samrl_core.diagnosis.residuals.laws.follow_command import span_of_command
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, hypothesis
 from tests.diagnosis.controllers.kinds import POSITION_SERVO

@@ -8,7 +8,7 @@ from samrl_core.diagnosis.effects.effect import Effect, Parameter, lacks_link_to
 from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.effects.load.payload import is_driven
 from samrl_core.diagnosis.residuals.equations import Columns
-from samrl_core.diagnosis.residuals.follow_command import part_that_follows, reads_what_is_logged
+from samrl_core.diagnosis.residuals.laws.follow_command import part_that_follows, reads_what_is_logged
 from samrl_core.diagnosis.residuals.trial import Trial
 
 LEAST, MOST = 0.2, 5.0  # factors between which a description is off by a factor

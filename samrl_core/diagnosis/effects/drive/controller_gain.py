@@ -8,8 +8,8 @@ from samrl_core.diagnosis.effects.drive_torque import track_joints
 from samrl_core.diagnosis.effects.effect import Effect, Parameter
 from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, PresentForm, Shape
 from samrl_core.diagnosis.residuals.equations import TIMING_RATE_HZ, Columns
-from samrl_core.diagnosis.residuals.follow_command import part_that_follows, reads_what_is_logged
-from samrl_core.diagnosis.residuals.signal_noise import white_noise
+from samrl_core.diagnosis.residuals.laws.follow_command import part_that_follows, reads_what_is_logged
+from samrl_core.diagnosis.residuals.signals.signal_noise import white_noise
 from samrl_core.diagnosis.residuals.trial import Trial, add
 
 CLIPPED = 0.01  # share of samples in the output's limit, from which on it hides what a gain does

@@ -9,7 +9,7 @@ from samrl_core.diagnosis.effects.effect import Parameter
 from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.effects.transmission.deflection import Deflection, TwistForm
 from samrl_core.diagnosis.residuals.equations import Columns
-from samrl_core.diagnosis.residuals.follow_command import span_of_command
+from samrl_core.diagnosis.residuals.laws.follow_command import span_of_command
 from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.simulation.sprung_link import sprung_link
 

@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.diagnosis.residuals.control_law import position_error
-from samrl_core.diagnosis.residuals.late_law import late_law_change
+from samrl_core.diagnosis.residuals.laws.control_law import position_error
+from samrl_core.diagnosis.residuals.laws.late_law import late_law_change
 from samrl_core.diagnosis.residuals.motion import RecordedMotion
 
 EITHER = 0.25  # variance of what is zero or one, whichever is as likely: no more is in a row's choice of goal

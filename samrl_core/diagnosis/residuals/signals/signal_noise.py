@@ -9,7 +9,7 @@ from scipy import ndimage, signal
 from scipy.interpolate import make_interp_spline
 
 from samrl_core.cell.types.arm_recording import JointSignal
-from samrl_core.diagnosis.residuals.low_pass import LowPass, find_offline_filter
+from samrl_core.diagnosis.residuals.signals.low_pass import LowPass, find_offline_filter
 
 DIFFERENCED = 1e-6  # of the largest velocity: rounding of what is the same
 UNEVEN = 0.01  # relative, of a published log's steps

@@ -15,7 +15,7 @@ import numpy as np
 
 from samrl_core.diagnosis.residuals.basis_functions import smooth_sign
 from samrl_core.diagnosis.residuals.motion import RecordedMotion
-from samrl_core.diagnosis.residuals.signal_noise import white_noise
+from samrl_core.diagnosis.residuals.signals.signal_noise import white_noise
 
 LAGS_S = (0.0, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32)  # ASSUMPTION: a loop remembers its command for so long
 TURNS = 0.1  # of a command's typical speed: width of the friction's sign

@@ -7,9 +7,9 @@ from functools import cached_property
 import numpy as np
 from scipy import interpolate, signal
 
-from samrl_core.diagnosis.residuals.sample_times import SampleTimes, between, regular
-from samrl_core.diagnosis.residuals.signal_noise import highest_sure_frequency
-from samrl_core.diagnosis.residuals.zero_phase import ZeroPhaseFilter
+from samrl_core.diagnosis.residuals.signals.sample_times import SampleTimes, between, regular
+from samrl_core.diagnosis.residuals.signals.signal_noise import highest_sure_frequency
+from samrl_core.diagnosis.residuals.signals.zero_phase import ZeroPhaseFilter
 
 SMOOTH_HZ = 80.0  # for quantities that enter a nonlinear formula before the band is applied
 EDGE_PERIODS = 2.5  # of the band: so long after the start, and before the end, a filter bends signals

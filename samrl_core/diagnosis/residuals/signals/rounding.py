@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from samrl_core.diagnosis.residuals.control_law import position_error, squared_rounding_error
+from samrl_core.diagnosis.residuals.laws.control_law import position_error, squared_rounding_error
 from samrl_core.diagnosis.residuals.motion import RecordedMotion
-from samrl_core.diagnosis.residuals.signal_noise import sample_detail
+from samrl_core.diagnosis.residuals.signals.signal_noise import sample_detail
 
 LONGEST_S = 1.0  # ASSUMPTION: so long a slow axis keeps a reading, and its error
 

@@ -15,7 +15,7 @@ import numpy as np
 from samrl_core.cell.types.arm_description import ArmDescription
 from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.diagnosis.residuals.equations import form_equations
-from samrl_core.diagnosis.residuals.late_law import explained_log_likelihood, late_law_change
+from samrl_core.diagnosis.residuals.laws.late_law import explained_log_likelihood, late_law_change
 from samrl_core.diagnosis.residuals.motion import RecordedMotion
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 

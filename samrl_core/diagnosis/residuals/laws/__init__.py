@@ -1,0 +1,1 @@
+"""What a control law makes of a log: its output, its velocity, what is late or follows the command."""

@@ -1,0 +1,1 @@
+"""Sampled signals: bands, noise and its colour, filters, rounding, stamps."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,7 @@ from samrl_ros.log_import.devices import read_devices
 from samrl_ros.log_import.draft.any_draft import draft_any
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.writing import as_yaml
+from samrl_ros.log_import.formats.message_fields import flatten
 from samrl_ros.log_import.formats.transform_tree import read_transform_table
 from tests.diagnosis.poses.pose_worlds import CAMERA, matrix
 from tests.recordings.logs.frame_bags import BEGIN_S, FrameLog, arm_frames, flange_at, write_frames
@@ -140,6 +141,34 @@ def test_a_topic_of_poses_is_seen_beside_the_frames_of_an_arm(tmp_path: Path) ->
     assert np.allclose(got.camera_in_flange.position, CAMERA[:3, 3], atol=1e-8)
 
 
+@dataclass
+class Tag:
+    id: np.ndarray
+    x: float
+
+
+@dataclass
+class Tags:
+    detections: list[Tag]
+
+
+@dataclass
+class Markers:
+    marker_ids: np.ndarray
+    poses: list[Tag]
+
+
+def test_elements_of_a_list_go_by_their_own_numbers() -> None:
+    """`id` within each, as apriltag_ros has it, and `marker_ids` beside the list, as ros2_aruco."""
+    seen = [Tag(np.array([7], np.int32), 1.0), Tag(np.array([3], np.int32), 2.0)]
+    found = flatten(Tags(seen)) | flatten(Markers(np.array([5, 4]), seen))
+    assert (found["detections.7.x"], found["detections.3.x"]) == (1.0, 2.0)
+    assert (found["poses.5.x"], found["poses.4.x"]) == (1.0, 2.0)
+    twice = [Tag(np.array([7], np.int32), 1.0), Tag(np.array([7], np.int32), 2.0)]
+    assert flatten(Tags(twice))["detections.1.x"] == 2.0
+
+
+@pytest.mark.thorough
 @pytest.mark.parametrize("tags", [1, 2])
 def test_the_list_of_a_detector_is_read_by_the_numbers_of_its_tags(tags: int, tmp_path: Path) -> None:
     """apriltag_ros' array: tags come in any order, and lists without one are moments without a view."""

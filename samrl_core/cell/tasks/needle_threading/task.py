@@ -297,13 +297,14 @@ class NeedleThreading(Task):
         clear: tuple[SubGoal, ...] = ()
         if below > 0.0:
             if crossing_distance(points, eye) < self.eye_radius:
-                return tuple(goals)
+                return way.in_whole_steps(tuple(goals), tip)
             clear = (SubGoal("clear", tip + [0.0, 0.0, over[2]], 0.002, self.free_step),)
         outside = self.finds_needle and float(np.linalg.norm(eye - end)) > 0.0015
         enter = (SubGoal(ENTER, tip + eye - end, 0.0015, self.fine_step),) if outside else ()
         if not clear and way.is_free(end - eye):
-            return (*enter, *goals)
-        return (*clear, SubGoal("above", tip + over, 0.0015, self.free_step), *enter, *goals)
+            return way.in_whole_steps((*enter, *goals), tip)
+        above = SubGoal("above", tip + over, 0.0015, self.free_step)
+        return way.in_whole_steps((*clear, above, *enter, *goals), tip)
 
     def aim(self, values: np.ndarray, tip_position: np.ndarray) -> np.ndarray:
         """From the eye to where the thread passes its plane, or to its end above it, in x and y.

@@ -14,7 +14,6 @@ import numpy as np
 
 from samrl_core.cell.types.observation import Observation
 from samrl_core.model.model import Model
-from samrl_core.model.real2sim.aim import aim_surprise
 from samrl_core.model.real2sim.coverage import coverage
 from samrl_core.model.real2sim.damped import DampedSettings
 from samrl_core.model.real2sim.information import ImageNoise, TargetImage, normal_equations, widened_belief
@@ -48,8 +47,6 @@ class PartSettings:
     least_overlap: float = 0.8  # as `PoseFitSettings`; masks that are a pixel too wide all around still pass
     # What an image does not fit is widened by so much, or a thread that was lost would never be found again.
     doubt: float = 0.2  # [parameter's scale]
-    # An image that moves the aim so far is believed only if the next one says so too [deviations].
-    most_surprise: float = 5.0
     motion: float = 0.02  # what the tool moves may have moved so far more than predicted [parameter's scale]
     noise: ImageNoise = field(default_factory=lambda: ImageNoise(edge=0.5, shared_by=8.0, depth=0.03))
     line: LineNoise = LineNoise()  # of a thread
@@ -169,9 +166,6 @@ class PartFit:
     ) -> PoseFit:
         """The values (P,) that image and belief make likeliest; a part that does not fit says nothing.
 
-        An image that moves the task's aim by more than `most_surprise` deviations says nothing either, the
-        first time: what was believed stands and is doubted, so that the next image may move it so far.
-
         Args:
             start: mean of the belief (P,).
             colors: of all surface groups (G, 3).
@@ -179,22 +173,6 @@ class PartFit:
             worse: a part whose points and colours both end this many times farther off does not fit.
             watch: as of `fit_pose`.
         """
-        found = self._likeliest(start, colors, belief, worse, watch)
-        task, joints = self._model.task, self._seen[0].observation.tool_arm.position
-        tip = self._model.tip_in_base(joints).position
-        if aim_surprise(task, start, belief, found.values, tip) <= self._parts.most_surprise:
-            return found
-        doubted = self._doubted(belief, self._unfit(belief), start)
-        return PoseFit(start.copy(), doubted, colors, found.evaluations, "iteration_limit")
-
-    def _likeliest(
-        self,
-        start: np.ndarray,
-        colors: np.ndarray,
-        belief: np.ndarray,
-        worse: float,
-        watch: Callable[[np.ndarray], None] | None,
-    ) -> PoseFit:
         s, values, known, evaluations = self._settings, start.copy(), colors, 0
         why = "converged"
         for one in self._seen:

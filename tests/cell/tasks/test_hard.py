@@ -240,16 +240,6 @@ def test_the_aim_is_needed_where_the_end_enters_and_nowhere_else(aside: float) -
     assert not plain.needs_aim(np.zeros(20), tip)
 
 
-def test_an_end_that_is_sent_aside_near_the_eye_is_looked_at_from_elsewhere_first() -> None:
-    """In `careless:1` one image sent it aside, the next view denied it: three actions there and back."""
-    task, values = threading(), needle_values((0.5, 0.0))
-    over = task.eye_at(values) - task.thread_points(values, np.zeros(3))[-1]
-    for height, needed in ((0.002, True), (0.012, True), (0.03, False)):
-        tip = over + [0.006, 0.0, height]
-        assert task.sub_goals(values, tip)[0].name == "above"
-        assert bool(task.needs_aim(values, tip)) is needed
-
-
 @pytest.mark.parametrize(("lean", "drawn"), [(0.02, 0.0), (0.05, 0.0009)])
 def test_an_end_that_is_hardly_in_is_drawn_aside_no_more_than_it_must(lean: float, drawn: float) -> None:
     """`careless:4`: believed 0.6 mm above the eye and 3 mm in truth, it was drawn 1.4 mm, onto the ring."""
@@ -268,33 +258,6 @@ def test_an_end_that_an_image_shows_a_little_aside_enters_aslant() -> None:
     for aside, height, first in ((0.002, 0.011, "enter"), (0.0015, 0.004, "enter"), (0.004, 0.012, "above")):
         tip = task.eye_at(values) - end + [aside, 0.0, height]
         assert task.sub_goals(values, tip)[0].name == first
-
-
-@pytest.mark.parametrize(
-    ("name", "height", "actions"), [("above", 0.0305, 3), ("enter", 0.0145, 3), ("enter", 0.0058, 1)]
-)
-def test_what_whole_steps_reach_within_its_tolerance_takes_no_further_one(
-    name: str, height: float, actions: int
-) -> None:
-    """In `typical:0` five of the nine actions within the eye were 2 to 3 mm long where 4.5 mm are allowed."""
-    task, values = threading(), needle_values((0.5, 0.0))
-    tip = task.eye_at(values) - task.thread_points(values, np.zeros(3))[-1] + [0.0, 0.0, height]
-    goal = task.sub_goals(values, tip)[0]
-    missed = height - task.hover * (name == "above") - actions * goal.max_step
-    assert goal.name == name and 0.0 < missed < goal.tolerance
-    np.testing.assert_allclose(tip - goal.tip_position, [0.0, 0.0, actions * goal.max_step], atol=1e-9)
-
-
-@pytest.mark.parametrize("lean", [0.0, 0.03, 0.06, 0.09])
-@pytest.mark.parametrize("deep", [0.001, 0.004, 0.007, 0.010, 0.013, 0.016, 0.019, 0.022])
-def test_a_thread_in_its_eye_is_drawn_on_by_one_step_to_each_goal(lean: float, deep: float) -> None:
-    """Along a thread that leans a goal lies aside as well, and two steps of 2.6 mm were taken to it."""
-    task, values = threading(), needle_values((0.5, 0.0))
-    values[:20] = np.tile([0.0, lean], 10)
-    tip = task.eye_at(values) - task.thread_points(values, np.zeros(3))[-1] - [0.0, 0.0, deep]
-    tip[:2] -= task.aim(values, tip)
-    goal = task.sub_goals(values, tip)[0]
-    assert np.linalg.norm(goal.tip_position - tip) <= task.fine_step + 1e-9
 
 
 @pytest.mark.parametrize(("height", "up"), [(0.009, 0.0), (0.003, 0.003), (-0.002, 0.008), (0.03, -0.018)])

@@ -10,12 +10,11 @@ import pytest
 import torch
 
 from samrl_core.cell.robots.cells import cell_named
-from samrl_core.cell.tasks import TASKS, task_named
+from samrl_core.cell.tasks import task_named
 from samrl_core.cell.tasks.needle_threading.task import NEEDLE, NeedleThreading
 from samrl_core.cell.types.observation import Observation
 from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.model.model import Model
-from samrl_core.model.real2sim.aim import aim_surprise
 from samrl_core.model.real2sim.part_fit import PartSettings, seen_parts
 from samrl_core.model.real2sim.prediction import CameraErrors, seen_from_elsewhere
 from samrl_core.model.real2sim.real2sim import Estimate, Real2Sim, Real2SimSettings, initial_estimate
@@ -254,30 +253,3 @@ def test_one_image_that_fits_nothing_leaves_a_length_that_many_have_told(bench: 
     assert not after.converged
     moved = after.values[LENGTH] - known.values[LENGTH]
     assert after.covariance[LENGTH, LENGTH] < 2.1 * known.covariance[LENGTH, LENGTH] + moved**2
-
-
-@pytest.mark.thorough
-def test_an_image_that_moves_the_gap_beyond_belief_is_believed_if_the_next_one_says_so_too(
-    bench: Bench,
-) -> None:
-    """In `typical:test:180` one moved it by 10 mm where 1 mm was stated, and six actions went after it."""
-    seen, known = bench.observe(3), initial_estimate(bench.model)
-    sure = replace(known, covariance=1e-3 * known.covariance)
-    # No part ever fits, but colours and points lead the thread elsewhere.
-    strict = Real2Sim(bench.model, Real2SimSettings(parts=PartSettings(least_overlap=1.01)))
-    first = strict.update(sure, seen)
-    assert not first.converged
-    np.testing.assert_array_equal(first.values, sure.values)
-    second = strict.update(first, seen)
-    assert np.linalg.norm(bench.gap(second.values, seen) - bench.gap(sure.values, seen)) > 0.003
-
-
-@pytest.mark.parametrize(("aside", "deviations"), [(0.003, 3.0), (-0.008, 8.0)])
-def test_a_surprise_is_counted_in_deviations_of_the_believed_gap(aside: float, deviations: float) -> None:
-    values, spread = np.zeros(27), np.full(27, 1e-9)
-    values[LENGTH], spread[PLACE] = 1.0, 0.001
-    after, tip = values.copy(), np.array([0.0, 0.0, 0.3])
-    after[20] += aside
-    belief = np.diag(spread**2)
-    assert aim_surprise(TASK, values, belief, after, tip) == pytest.approx(deviations, rel=1e-3)
-    assert aim_surprise(TASKS["needle_threading"], np.zeros(20), belief[:20, :20], np.ones(20), tip) == 0.0

@@ -276,7 +276,8 @@ class NeedleThreading(Task):
         thread, as it hangs, lie in the eye's centre. Empty when done. Where the needle is unknown, `enter`
         takes the end there first.
 
-        An end that is below the eye but not through it first goes up (`clear`). `enter` may go aslant.
+        An end that is below the eye but not through it first goes up (`clear`). What is beside the eye by a
+        quarter of its height enters all the same where the needle is found, as `enter` goes there aslant.
         """
         tip = checked_tip(tip_position)
         if self.is_done(values, tip):
@@ -296,14 +297,13 @@ class NeedleThreading(Task):
         clear: tuple[SubGoal, ...] = ()
         if below > 0.0:
             if crossing_distance(points, eye) < self.eye_radius:
-                return way.in_whole_steps(tuple(goals), tip)
+                return tuple(goals)
             clear = (SubGoal("clear", tip + [0.0, 0.0, over[2]], 0.002, self.free_step),)
         outside = self.finds_needle and float(np.linalg.norm(eye - end)) > 0.0015
         enter = (SubGoal(ENTER, tip + eye - end, 0.0015, self.fine_step),) if outside else ()
         if not clear and way.is_free(end - eye):
-            return way.in_whole_steps((*enter, *goals), tip)
-        above = SubGoal("above", tip + over, 0.0015, self.free_step)
-        return way.in_whole_steps((*clear, above, *enter, *goals), tip)
+            return (*enter, *goals)
+        return (*clear, SubGoal("above", tip + over, 0.0015, self.free_step), *enter, *goals)
 
     def aim(self, values: np.ndarray, tip_position: np.ndarray) -> np.ndarray:
         """From the eye to where the thread passes its plane, or to its end above it, in x and y.
@@ -315,11 +315,10 @@ class NeedleThreading(Task):
         return crossing_offset(self.thread_points(values, tip_position), self.eye_at(values))
 
     def needs_aim(self, values: np.ndarray, tip_position: np.ndarray) -> bool:
-        """Where the end is to enter the eye, or goes aside near it; in the eye the thread is led by it."""
+        """Where the end is to enter the eye; above it the way is free, and in it the eye leads."""
         goals = self.sub_goals(values, tip_position)
         ahead = [g.name for g in goals if np.linalg.norm(g.tip_position - tip_position) > g.tolerance]
-        near = self.thread_points(values, tip_position)[-1, 2] < self.eye_z + self.hover + 0.001
-        return ahead[:1] == [ENTER] or (self.finds_needle and near and ahead[:1] == ["above"])
+        return ahead[:1] == [ENTER]
 
     def held_within(self, values: np.ndarray, tip_position: np.ndarray) -> float:
         """See `Task`: an end that is farther in than heights are known leaves its eye only upwards."""

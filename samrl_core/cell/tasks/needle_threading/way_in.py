@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from samrl_core.cell.tasks.task import SubGoal
-
 _SLANT = 0.25  # aside over down of a way that is aslant: 3 mm where the end is 12 mm above the eye [-]
 _LEVEL = 2e-3  # what is this near to the hover is there [m]
-# The same of a way aslant: three steps lead down from there as from the hover, so that none goes to it first.
-_LEVEL_ASLANT = 3e-3
 
 
 @dataclass(frozen=True)
@@ -42,17 +38,7 @@ class WayIn:
         allowed = (0.8 if high < self.hover - _LEVEL else 0.4) * self.clearance
         if self.aslant:
             allowed = max(0.8 * self.clearance, _SLANT * high)
-        return aside < allowed and high < self.hover + (_LEVEL_ASLANT if self.aslant else _LEVEL)
-
-    def in_whole_steps(self, goals: tuple[SubGoal, ...], tip: np.ndarray) -> tuple[SubGoal, ...]:
-        """Goals that the fewest whole steps from the tip (3,) reach within their tolerance end there.
-
-        A way is divided evenly into the steps that all of it takes. One of 4.6 mm would be two of 2.3 mm,
-        though the first, at its full length, ends a tenth of a millimetre from the goal.
-        """
-        if not self.aslant:
-            return goals
-        return tuple(replace(g, tip_position=tip + _whole(g, g.tip_position - tip)) for g in goals)
+        return aside < allowed and high < self.hover + _LEVEL
 
     def aside_at_first(self, bend: np.ndarray) -> np.ndarray:
         """How far (3,) from the eye's centre the first point above the end passes it [m].
@@ -68,10 +54,3 @@ class WayIn:
         if not self.aslant or length == 0.0:
             return np.zeros(3)
         return beside * min(1.0, 0.5 * self.clearance / length)
-
-
-def _whole(goal: SubGoal, way: np.ndarray) -> np.ndarray:
-    """Of the way (3,) to a goal, what the fewest whole steps take that end within its tolerance [m]."""
-    length = float(np.linalg.norm(way))
-    reach = math.ceil((length - goal.tolerance) / goal.max_step - 1e-9) * goal.max_step
-    return way if reach >= length else way * (max(reach, 0.0) / length)

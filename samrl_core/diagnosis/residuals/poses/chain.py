@@ -19,7 +19,7 @@ from samrl_core.diagnosis.residuals.poses import rigid
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
 LINKS = ("camera", "base", "target")  # constant transforms of the chain
-KEPT_FLANGES = 4  # of the last shifts: least squares asks for one shift again and again
+KEPT_FLANGES = 6  # of the last shifts: least squares asks for one shift again and again
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +64,9 @@ class Arm:
         self.role, self.joints = poses.role, poses.joints
         self._stamps = poses.stamps
         self._track = None if poses.flange is None else rigid.Interpolated(poses.flange, timed)
+        self._smooth = self._track
+        if poses.flange is not None and timed:
+            self._smooth = rigid.Interpolated(rigid.smoothed(poses.flange))
         self._rigid = None
         if poses.joints and poses.urdf is not None:
             self._rigid = RigidArm(ArmDescription(poses.role, poses.joints, poses.urdf, None, None))
@@ -81,10 +84,11 @@ class Arm:
         assert self._rigid is not None
         return self._rigid.links
 
-    def at(self, time: np.ndarray) -> np.ndarray:
-        """Flange in base (N, 4, 4) at the arm's own stamps [s]."""
-        if self._track is not None:
-            return self._track.at(time)
+    def at(self, time: np.ndarray, smooth: bool = False) -> np.ndarray:
+        """Flange in base (N, 4, 4) at the arm's own stamps [s]; `smooth` without most of a track's noise."""
+        track = self._smooth if smooth else self._track
+        if track is not None:
+            return track.at(time)
         assert self._rigid is not None
         return self._rigid.placements(self._read(time))[0]
 
@@ -111,27 +115,30 @@ class Chain:
             None if arms[1] is None else Arm(arms[1], recording.timed),
         )
         self.seen = rigid.transforms(recording.seen.position, recording.seen.quat_xyzw)
-        self._flanges: dict[tuple[int, float], np.ndarray] = {}  # of the last shifts
+        self._flanges: dict[tuple[int, float, bool], np.ndarray] = {}  # of the last shifts
         self._from_target: tuple[Constants, np.ndarray] | None = None
 
-    def flange(self, side: int, shift: float | np.ndarray = 0.0) -> np.ndarray:
+    def flange(self, side: int, shift: float | np.ndarray = 0.0, smooth: bool = False) -> np.ndarray:
         """Flange of the camera arm (0) or the tool arm (1) at the camera's stamps plus `shift` [s]."""
         arm = self.arms[side]
         if arm is None:
             return np.broadcast_to(np.eye(4), (len(self.time), 4, 4))
         if isinstance(shift, np.ndarray):
-            return arm.at(self.time + shift)
-        if (side, shift) not in self._flanges:
+            return arm.at(self.time + shift, smooth)
+        key = side, shift, smooth
+        if key not in self._flanges:
             if len(self._flanges) >= KEPT_FLANGES:
                 self._flanges.pop(next(iter(self._flanges)))
-            self._flanges[side, shift] = arm.at(self.time + shift)
-        return self._flanges[side, shift]
+            self._flanges[key] = arm.at(self.time + shift, smooth)
+        return self._flanges[key]
 
-    def predicted(self, shifts: Sequence[float | np.ndarray] = (0.0, 0.0)) -> np.ndarray:
+    def predicted(
+        self, shifts: Sequence[float | np.ndarray] = (0.0, 0.0), smooth: bool = False
+    ) -> np.ndarray:
         """Target in camera (N, 4, 4), each arm read at the camera's stamps plus its shift [s]."""
         c = self.constants
-        camera = rigid.inverse(self.flange(0, shifts[0]) @ c.camera)
-        return camera @ c.base @ self.flange(1, shifts[1]) @ c.target
+        camera = rigid.inverse(self.flange(0, shifts[0], smooth) @ c.camera)
+        return camera @ c.base @ self.flange(1, shifts[1], smooth) @ c.target
 
     def predicted_each(self, offsets: np.ndarray) -> np.ndarray:
         """Target in camera (K, N, 4, 4), both arms read at the camera's stamps plus each offset (K,) [s]."""
@@ -155,10 +162,14 @@ class Chain:
         return {name: np.moveaxis(out[name], 2, 0) for name in used_links(self.recording)}
 
     def shift_twist(self, shifts: Sequence[float | np.ndarray]) -> np.ndarray:
-        """Twist (N, 6) that reading the arms at shifted stamps makes."""
+        """Twist (N, 6) that reading the arms at shifted stamps makes.
+
+        Of smoothed tracks: between its stamps a spline has less of a track's noise than at them, so a shift
+        of the raw one would take noise off the residual, and seem to be there.
+        """
         if self._from_target is None or self._from_target[0] is not self.constants:
-            self._from_target = self.constants, rigid.inverse(self.predicted())
-        return rigid.log(self.predicted(shifts) @ self._from_target[1])
+            self._from_target = self.constants, rigid.inverse(self.predicted(smooth=True))
+        return rigid.log(self.predicted(shifts, smooth=True) @ self._from_target[1])
 
     def rate(self, side: int, step: float) -> np.ndarray:
         """Twist (N, 6) per second by which one arm's reading moves the target in the camera."""

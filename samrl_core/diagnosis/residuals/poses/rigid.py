@@ -6,11 +6,16 @@ Modern Robotics, section 3.3.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from samrl_core.cell.types.pose_recording import PoseTrack
+
+SMOOTH_POSES = 7  # that a cubic is led through
+SMOOTH_HZ = 25.0  # of a track, from which on a cubic is its motion over so many poses
 
 
 def transforms(position: np.ndarray, quat_xyzw: np.ndarray) -> np.ndarray:
@@ -126,3 +131,36 @@ class Interpolated:
         out[:, :3, :3] = self._rotation(time).as_matrix()
         out[:, :3, 3], out[:, 3, 3] = self._position(time), 1.0
         return out
+
+
+def smoothed(track: PoseTrack) -> PoseTrack:
+    """The track without most of its own noise: each pose by a cubic through it and three on either side.
+
+    Slow tracks (`SMOOTH_HZ`) and poses next to a gap stay as they are: a cubic is no motion over so long.
+    """
+    count = len(track)
+    if count < SMOOTH_POSES or float(np.median(np.diff(track.time))) > 1.0 / SMOOTH_HZ:
+        return track
+    first = np.clip(np.arange(count) - SMOOTH_POSES // 2, 0, count - SMOOTH_POSES)
+    near = first[:, None] + np.arange(SMOOTH_POSES)
+    after = track.time[near] - track.time[:, None]
+    span = np.ptp(after, axis=1)
+    powers = (after / span[:, None])[..., None] ** np.arange(4)
+    weights = np.linalg.pinv(powers)[:, 0]  # (N, 7) of the poses, in their cubic's value
+    quat = (
+        track.quat_xyzw
+        * np.cumprod(
+            np.concatenate(
+                [[1.0], np.where(np.sum(track.quat_xyzw[1:] * track.quat_xyzw[:-1], axis=1) < 0, -1.0, 1.0)]
+            )
+        )[:, None]
+    )
+    even = span < 2.0 * float(np.median(span))
+    position = np.einsum("nw,nwk->nk", weights, track.position[near])
+    turned = np.einsum("nw,nwk->nk", weights, quat[near])
+    turned /= np.linalg.norm(turned, axis=1, keepdims=True)
+    return replace(
+        track,
+        position=np.where(even[:, None], position, track.position),
+        quat_xyzw=np.where(even[:, None], turned, quat),
+    )

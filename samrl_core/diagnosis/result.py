@@ -108,8 +108,13 @@ class Curve:
     y_label: str  # with unit
     x: np.ndarray  # (N,) data
     y: np.ndarray  # (N,)
-    fit_x: np.ndarray  # (K,) sorted
+    fit_x: np.ndarray  # (K,) sorted; in order of time where the fit is no function of x
     fit_y: np.ndarray  # (K,)
+
+    @property
+    def is_line(self) -> bool:
+        """Whether the fit is a function of x: a payload's is none of the joint's position alone."""
+        return bool(np.all(np.diff(self.fit_x) >= 0.0))
 
 
 @dataclass(frozen=True, eq=False)

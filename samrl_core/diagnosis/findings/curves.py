@@ -19,17 +19,19 @@ AXES: dict[str, tuple[str, Callable[[RecordedMotion], np.ndarray]]] = {
 }
 MOST_POINTS = 4000
 BINS = 80
+FIT_POINTS = 800  # of a fit that is no function of what it is plotted against
+SCATTER = 0.2  # of the fit's variance within bins, from which on it is none
 
 
-def curve_of(evidence: Evidence, fit: Fit, h: Hypothesis) -> Curve | None:
+def curve_of(evidence: Evidence, chosen: Fit, h: Hypothesis) -> Curve | None:
     """Data and fit where the effect acts most strongly; other named effects are taken out."""
     likelihood = evidence.likelihood
     trials = as_arms(likelihood.trials)
-    index = fit.hypotheses.index(h)
-    rest = evidence.remainder(fit)
+    index = chosen.hypotheses.index(h)
+    rest = evidence.remainder(chosen)
     # What tolerances cause, a torque offset above all, would shift the data off the curve.
     rest = rest - likelihood.tolerated(rest, evidence.correlation_time)
-    own = likelihood.prediction(h.regressors, fit.amplitudes[index])
+    own = likelihood.prediction(h.regressors, chosen.amplitudes[index])
     energy = {b: float(np.sum(own[likelihood.blocks[b]] ** 2)) for b in h.regressors.blocks}
     if not any(energy.values()):
         return None
@@ -45,13 +47,14 @@ def curve_of(evidence: Evidence, fit: Fit, h: Hypothesis) -> Curve | None:
         ys.append(likelihood.uncolored(block, rest + own) * sigma)
         fits.append(likelihood.uncolored(block, own) * sigma)
     x, y, f = np.concatenate(xs), np.concatenate(ys), np.concatenate(fits)
-    middle, mean = _mean_in_bins(x, f)
+    fit = _mean_in_bins(x, f)
+    if len(fit[0]) and float(np.mean((f - np.interp(x, *fit)) ** 2)) > SCATTER * float(np.var(f)):
+        few = max(1, len(x) // FIT_POINTS)
+        fit = x[::few], f[::few]
     step = max(1, len(x) // MOST_POINTS)
     unit = "rad" if channel == "tracking" else "N m"
     joint_name = trials[0].recording.arm.joints[joint]
-    return Curve(
-        h.name, label, f"{channel} residual of {joint_name} [{unit}]", x[::step], y[::step], middle, mean
-    )
+    return Curve(h.name, label, f"{channel} residual of {joint_name} [{unit}]", x[::step], y[::step], *fit)
 
 
 def _mean_in_bins(x: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -87,7 +87,7 @@ def _widest(energy: np.ndarray) -> np.ndarray:
 
 
 def curve_figure(c: Curve) -> go.Figure:
-    """The effect's curve over the data that it explains."""
+    """The effect's curve over the data that it explains, or its samples where it is no function of x."""
     finite = np.flatnonzero(np.isfinite(c.x) & np.isfinite(c.y))
     if len(finite) > CURVE_POINTS:
         # A fixed seed: the picture of a diagnosis is the same each time.
@@ -105,7 +105,9 @@ def curve_figure(c: Curve) -> go.Figure:
         x=_small(c.fit_x),
         y=_small(c.fit_y),
         name=_text(words.effect(c.effect)),
+        mode="lines" if c.is_line else "markers",
         line={"color": NAMED, "width": 3.2},
+        marker={"color": NAMED, "size": 4.5, "opacity": 0.7},
         hovertemplate="%{x:.4g}, %{y:.4g}<extra></extra>",
     )
     fig.update_xaxes(title=_text(c.x_label), zeroline=True, zerolinecolor="#9aa5b1", **AXIS)

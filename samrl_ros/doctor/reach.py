@@ -15,6 +15,7 @@ from samrl_ros.hosting.dds import LOCAL, REACH
 
 PORTS = Path("/proc/sys/net/ipv4/ip_local_port_range")  # where a socket that only sends gets its port from
 TRIAL_S = 40.0
+LISTENS = "listens on"  # before the addresses: Fast DDS prints errors of dead nodes' ports beside them
 PLUGIN = b"builtin.PKI-DH"  # name of DDS security's authentication, in a library that was built with it
 
 
@@ -57,9 +58,9 @@ def check_reach(environment: Mapping[str, str]) -> Check:
         done = subprocess.run(command, capture_output=True, text=True, timeout=TRIAL_S, check=False)
     except subprocess.TimeoutExpired:
         return problem("network", f"no node after {TRIAL_S:.0f} s", "see dds traffic")
-    if done.returncode:
+    addresses = printed_addresses(done.stdout)
+    if done.returncode or not addresses:
         return problem("network", (done.stderr.strip() or "no node").splitlines()[-1], "see ros 2")
-    addresses = done.stdout.split()
     outside = [a for a in addresses if not ipaddress.ip_address(a).is_loopback]
     if not outside:
         return ok("network", "nodes listen on the loopback interface alone")
@@ -71,6 +72,12 @@ def check_reach(environment: Mapping[str, str]) -> Check:
         "unset FASTDDS_BUILTIN_TRANSPORTS and FASTRTPS_DEFAULT_PROFILES_FILE: the cell's own profile listens "
         "on the loopback interface alone",
     )
+
+
+def printed_addresses(text: str) -> list[str]:
+    """Addresses that a node of `main` printed, among whatever its middleware has to say."""
+    told = [line for line in text.splitlines() if line.startswith(LISTENS)]
+    return told[-1].removeprefix(LISTENS).split() if told else []
 
 
 def check_security(environment: Mapping[str, str], libraries: Sequence[Path] = ()) -> Check:
@@ -102,7 +109,8 @@ def main() -> int:
 
     start_ros([])
     node = rclpy.create_node(f"samrl_doctor_reach_{os.getpid()}")
-    print(*sorted(open_addresses(os.getpid())))
+    print()  # Fast DDS may have begun a line
+    print(LISTENS, *sorted(open_addresses(os.getpid())))
     node.destroy_node()
     stop_ros()
     return 0

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from samrl_ros.doctor.check import Level
-from samrl_ros.doctor.reach import PLUGIN, check_security
+from samrl_ros.doctor.reach import PLUGIN, check_security, printed_addresses
 from samrl_ros.hosting.dds import LOCAL_PROFILE, NETWORK_PROFILE, REACH, profile_for
 from tests.faults.wire import ADDRESSES
 
@@ -60,7 +60,17 @@ def test_a_node_listens_where_it_was_told(reach: str, addresses: list[str]) -> N
     asked = {REACH: reach} if reach else {}
     command = [sys.executable, "-m", "samrl_ros.doctor.reach"]
     done = subprocess.run(command, env=_environment(**asked), capture_output=True, text=True, check=True)
-    assert done.stdout.split() == addresses
+    assert printed_addresses(done.stdout) == addresses
+
+
+def test_errors_of_dead_nodes_ports_are_no_addresses() -> None:
+    """Fast DDS prints them where nodes were killed: `samrl doctor` ended in a traceback."""
+    error = "\x1b[37;1m2026-11-27 13:20:49.807 \x1b[31;1m[RTPS_TRANSPORT_SHM Error] Failed init_port"
+    assert printed_addresses(f"{error}\n\nlistens on 0.0.0.0 127.0.0.1\n{error}\n") == [
+        "0.0.0.0",
+        "127.0.0.1",
+    ]
+    assert printed_addresses(error) == []
 
 
 def test_security_that_cannot_be_enforced_is_refused_in_words(tmp_path: Path) -> None:

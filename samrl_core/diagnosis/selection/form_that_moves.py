@@ -15,12 +15,12 @@ import numpy as np
 
 from samrl_core.diagnosis.selection.contenders import NEXT, Contender, motion_left
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, Hypothesis, all_on_bound
+from samrl_core.diagnosis.selection.search import SHAPES_TRIED, search_shapes
 
 HARDLY_MOVES = 0.25  # of the squared gap, that a form leaves: from half of the gap on others are asked
 MUCH_LESS = 0.5  # times what a form leaves, of equation or motion, that another one may leave of either
 TRIED = 3  # other forms, the best ones
 SEARCHES = 3  # of a form's shapes, each from where the last one ended
-HARDLY_MORE = 1.0  # [nat] by which a search must be better for another one
 
 
 def with_form_that_moves(
@@ -39,10 +39,14 @@ def with_form_that_moves(
     """
     first, *later = contenders
     fit, trials = first.fit, evidence.likelihood.trials
+    moves = first.motion_left
+    if moves is not None and moves < HARDLY_MOVES:
+        return list(contenders)
     forms = _other_forms(evidence, pool, fit)
     if not forms:
         return list(contenders)
-    (moves,) = motion_left(trials, [fit]) if first.motion_left is None else (first.motion_left,)
+    if moves is None:
+        (moves,) = motion_left(trials, [fit])
     if moves is None or moves < HARDLY_MOVES:
         return list(contenders)
     near = [f for f in (_searched(evidence, f) for f in forms) if _is_near(f, fit)]
@@ -75,11 +79,7 @@ def _other_forms(evidence: Evidence, pool: Sequence[Hypothesis], fit: Fit) -> li
 
 def _searched(evidence: Evidence, fit: Fit) -> Fit:
     """The fit with its shape searched; impossible where that did not leave the border of what is possible."""
-    for _ in range(SEARCHES):
-        before, fit = fit.log_evidence, evidence.refine(fit, 0, at_borders=True)
-        if fit.log_evidence - before < HARDLY_MORE:
-            break
-    return evidence.fit(fit.hypotheses)
+    return evidence.fit(search_shapes(evidence, fit, SHAPES_TRIED, SEARCHES, hardly_more=0.0).hypotheses)
 
 
 def _is_near(other: Fit, fit: Fit) -> bool:

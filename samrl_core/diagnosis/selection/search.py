@@ -67,10 +67,10 @@ def _refined(evidence: Evidence, forms: Sequence[Fit], tried: int, searches: int
     A grid favours the form that it happens to meet: halfway between its cut-offs a filter of first order has
     less evidence than one of second order that is not there.
     """
-    first = _possible(evidence, _searched(evidence, forms[0], tried, searches))
+    first = _possible(evidence, search_shapes(evidence, forms[0], tried, searches))
     impossible = on_bound(first.hypotheses[0]) or not np.isfinite(first.log_evidence)
     if len(forms) > 1 and (impossible or _comes_near(forms[1], forms[0])):
-        second = _possible(evidence, _searched(evidence, forms[1], tried, searches))
+        second = _possible(evidence, search_shapes(evidence, forms[1], tried, searches))
         first = _inside_first(sorted([first, second], key=lambda f: -f.log_evidence))[0]
     return first
 
@@ -80,11 +80,16 @@ def _comes_near(form: Fit, best: Fit) -> bool:
     return best.log_evidence > 0 and form.log_evidence > NEARLY * best.log_evidence
 
 
-def _searched(evidence: Evidence, fit: Fit, tried: int, searches: int) -> Fit:
-    """The fit with its shapes searched, so many tried each time, until a search hardly finds more."""
+def search_shapes(
+    evidence: Evidence, fit: Fit, tried: int, searches: int, hardly_more: float = HARDLY_MORE
+) -> Fit:
+    """The fit with its shapes searched, so many tried each time, until a search hardly finds more.
+
+    Hardly is that share of the evidence, and 1 nat at least.
+    """
     for _ in range(searches):
         before, fit = fit.log_evidence, evidence.refine(fit, 0, tried, at_borders=True)
-        if fit.log_evidence - before < max(1.0, HARDLY_MORE * abs(fit.log_evidence)):
+        if fit.log_evidence - before < max(1.0, hardly_more * abs(fit.log_evidence)):
             break
     return fit
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -64,14 +65,18 @@ class Arm:
         self.role, self.joints = poses.role, poses.joints
         self._stamps = poses.stamps
         self._track = None if poses.flange is None else rigid.Interpolated(poses.flange, timed)
-        self._smooth = self._track
-        if poses.flange is not None and timed:
-            self._smooth = rigid.Interpolated(rigid.smoothed(poses.flange))
+        self._flange = poses.flange if timed else None
         self._rigid = None
         if poses.joints and poses.urdf is not None:
             self._rigid = RigidArm(ArmDescription(poses.role, poses.joints, poses.urdf, None, None))
             self._angles = np.asarray(poses.joint_position, dtype=float)
             self._angle_stamps = poses.joint_time
+
+    @cached_property
+    def _smooth(self) -> rigid.Interpolated | None:
+        """The track without most of its noise, which only shifts of stamps ask for."""
+        smooth = None if self._flange is None else rigid.smoothed(self._flange)
+        return self._track if smooth is None or smooth is self._flange else rigid.Interpolated(smooth)
 
     @property
     def has_joints(self) -> bool:

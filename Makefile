@@ -1,7 +1,7 @@
 # One command each; every target sets up .venv first when it is missing or its inputs changed.
 #   make cell    one recorded episode of the hard peg in a cell that differs from its model (INSTANCE);
 #                INSTANCE=nominal TASK=peg_insertion is the cell that is its model
-#   make test    check, then fast tests; THOROUGH=1: the thorough ones among them, as CI runs them
+#   make test    check, then fast tests; THOROUGH=1: the thorough ones among them, as before a release
 #   make check   ruff, ty (types)                       make slow   the slow tests
 #   make thorough  tests of some seconds each that make test leaves out
 #   make fuzz    100,000 damaged inputs over all readers (FUZZ: their number, SEED; JOBS: readers at once)

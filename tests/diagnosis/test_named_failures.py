@@ -161,6 +161,7 @@ def test_a_mass_that_no_motion_shows_does_not_hide_a_payload() -> None:
 # -- bounds ----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_a_shape_that_ends_on_its_bound_is_an_alarm() -> None:
     (a,) = worlds.world(6, "A", command_delay=0.15)
     diagnosis, _ = diagnose([a], [], DiagnosisSettings(library={"command_delay"}))

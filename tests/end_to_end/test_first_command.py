@@ -17,8 +17,8 @@ from samrl_ros.bags.reader import open_bag
 from samrl_ros.contract.topics import cell_topic
 
 pytest.importorskip("rclpy")
-# Judged by simulated time, so that it runs beside the other thorough tests: it leaves half of two cores idle.
-pytestmark = [pytest.mark.ros, pytest.mark.thorough, pytest.mark.timeout(3600)]
+# Judged by simulated time, so that it runs beside the other tests: it leaves half of two cores idle.
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(3600)]
 
 # Python imports it in every process: whoever asks for another machine is noted down, and refused.
 OFFLINE = """

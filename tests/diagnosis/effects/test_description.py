@@ -80,6 +80,7 @@ def test_a_drive_that_gives_half_of_its_torque_is_no_unit() -> None:
     assert misdescription(worlds.trials(recordings())) is None
 
 
+@pytest.mark.thorough
 def test_masses_off_by_one_factor_are_named_as_that() -> None:
     heavy = 0.4 * RigidArm(worlds.arm()).inertial_parameters
     found = diagnosed(recordings(inertial_delta=heavy))

@@ -88,6 +88,7 @@ def test_a_power_sign_nears_one_as_it_says(exponent: float) -> None:
     assert power_sign(np.array([at]), 0.01, exponent) == pytest.approx(0.5)
 
 
+@pytest.mark.thorough
 def test_tight_spots_are_found_where_the_sign_turns_slowly() -> None:
     """With the sharpest sign their level comes out negative: the search of this form did not begin.
 

@@ -24,7 +24,12 @@ from samrl_core.diagnosis.residuals.images.scene import ImageScene
 
 
 @pytest.mark.parametrize(
-    ("name", "size"), [("radial", (0.25, 0.0)), ("focal", (0.02, -0.02)), ("centre", (0.01, 0.01))]
+    ("name", "size"),
+    [
+        pytest.param("radial", (0.25, 0.0), marks=pytest.mark.thorough),
+        pytest.param("focal", (0.02, -0.02), marks=pytest.mark.thorough),
+        ("centre", (0.01, 0.01)),
+    ],
 )
 def test_columns_are_what_a_lens_changes(
     recordings: list[ImageRecording], name: str, size: tuple[float, float]

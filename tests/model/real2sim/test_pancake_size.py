@@ -39,6 +39,7 @@ def fit_two_images(model: Model, drawn: CellInstance) -> tuple[Estimate, float]:
     return estimate, TASK.pancake_radius * float(estimate.values[SIZE]) - made.pancake_radius
 
 
+@pytest.mark.thorough
 def test_two_images_tell_the_radius_and_leave_open_what_calibration_hides(model: Model) -> None:
     """Radius to the 2 mm that physics are built in, over cells, and in each within what is stated.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
@@ -129,7 +130,7 @@ def slide(
     for k in range(round(seconds / step)):
         if k % every == 0:
             path.append(position.copy())
-        size = np.linalg.norm(velocity)
+        size = math.sqrt(velocity @ velocity)  # np.linalg.norm takes four times as long
         push = np.zeros(3) if world.push is None else world.push(k * step)
         brake = (world.friction + world.viscous * size) * load
         if size <= brake * step:

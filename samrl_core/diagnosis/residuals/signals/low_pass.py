@@ -11,7 +11,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import signal
+
+from samrl_core.diagnosis.residuals.signals.spectrum import detrended_spectrum
 
 BLOCK = 128  # samples of a spectrum; what happens in fewer than half of the blocks is not in their median
 LEAST_BLOCKS = 8
@@ -189,7 +190,7 @@ def _best_form(
 
 def _spectra(x: np.ndarray, rate: float, begins: float, ends: float) -> tuple[np.ndarray, np.ndarray]:
     """Shares (bins,) of the rate where there is noise alone, and its power (bins, J) per hertz."""
-    frequency, power = signal.welch(x, fs=rate, nperseg=BLOCK, axis=0, detrend="linear", average="median")
+    frequency, power = detrended_spectrum(x, rate, BLOCK, by_median=True)
     share = frequency / rate
     noise = (share > begins) & (share < ends)
     return share[noise], power[noise]

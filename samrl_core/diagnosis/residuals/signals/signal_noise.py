@@ -10,6 +10,7 @@ from scipy.interpolate import make_interp_spline
 
 from samrl_core.cell.types.arm_recording import JointSignal
 from samrl_core.diagnosis.residuals.signals.low_pass import LowPass, find_offline_filter
+from samrl_core.diagnosis.residuals.signals.spectrum import detrended_spectrum
 
 DIFFERENCED = 1e-6  # of the largest velocity: rounding of what is the same
 UNEVEN = 0.01  # relative, of a published log's steps
@@ -112,7 +113,7 @@ def quantum(position: np.ndarray) -> np.ndarray:
 def highest_sure_frequency(x: np.ndarray, noise: np.ndarray, rate: float) -> np.ndarray:
     """Frequency (J,) [Hz] up to which readings (F, J) stand out of white noise (J,) of known deviation."""
     length = min(len(x), max(round(SURE_SPAN_S * rate), SURE_SAMPLES))
-    frequency, power = signal.welch(x, fs=rate, nperseg=length, axis=0, detrend="linear")
+    frequency, power = detrended_spectrum(x, rate, length)
     above = power > STANDS_OUT * noise**2 * 2.0 / rate
     return np.array([frequency[column][-1] if column.any() else 0.0 for column in above.T])
 
@@ -169,7 +170,7 @@ def white_noise(x: np.ndarray, rate: float) -> np.ndarray:
     of freedom (Wilson and Hilferty 1931): by three tenths of the power where a log is one stretch.
     """
     length = min(len(x), 512)
-    frequency, power = signal.welch(x, fs=rate, nperseg=length, axis=0, detrend="linear")
+    frequency, power = detrended_spectrum(x, rate, length)
     upper = frequency > 0.25 * rate
     averages = 1 + (len(x) - length) // (length - length // 2)
     below = (1.0 - 1.0 / (9.0 * averages)) ** 3

@@ -173,7 +173,7 @@ def _time(spec: TimeSpec | None, table: Table, count: int, where: str) -> np.nda
         return np.arange(count) / spec.rate_hz + spec.offset_s
     name, where = str(spec.column), f"{where}.column"
     scale = 1.0 / spec.rate_hz if spec.rate_hz is not None else factor("time", spec.unit, where)
-    values = table.times(name, where) if spec.iso else numbers_of_column(table, name, where) * scale
+    values = table.times(name, where) if spec.iso else numbers_of_column(table, name, where, count) * scale
     if spec.nanoseconds is not None:
         values = values + 1e-9 * table.numbers(spec.nanoseconds, f"{where}.nanoseconds")
     if spec.microseconds is not None:
@@ -183,12 +183,14 @@ def _time(spec: TimeSpec | None, table: Table, count: int, where: str) -> np.nda
     return values + spec.offset_s
 
 
-def numbers_of_column(table: Table, name: str, where: str) -> np.ndarray:
-    """A column, or one of an array's such as `pose[0]`."""
+def numbers_of_column(table: Table, name: str, where: str, count: int | None = None) -> np.ndarray:
+    """A column, or one of an array's such as `pose[0]`; of `count` samples an array may have a row each."""
     part = _ONE_OF_ARRAY.fullmatch(name)
     if name in table.columns or part is None:
         return table.numbers(name, where)
     values = table.numbers(part[1], where)
+    if values.ndim == 2 and values.shape[1] == count != len(values):
+        values = values.T  # a row per signal, as Simulink's To File stores them
     if values.ndim != 2 or int(part[2]) >= values.shape[1]:
         raise InputError(f"{where}: {part[1]!r} has shape {values.shape}, so no number {part[2]} per sample")
     return values[:, int(part[2])]

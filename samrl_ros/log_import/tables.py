@@ -30,7 +30,7 @@ from samrl_ros.log_import.formats.yaml_log import read_yaml_table
 from samrl_ros.log_import.specs import CsvOptions
 from samrl_ros.log_import.table import Table
 
-TEXT_SUFFIXES = (".csv", ".tsv", ".txt")
+TEXT_SUFFIXES = (".csv", ".tsv", ".txt", ".lvm")
 _NUMBERS = re.compile(r"(?<![\w.])[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?(?![\w.])")
 _WORDS = re.compile(r"[A-Za-z]{3,}(?<!nan)(?<!NaN)(?<!inf)(?<!Inf)")
 # What readers raise at files that they cannot read; scipy and pandas call some kinds "not implemented".

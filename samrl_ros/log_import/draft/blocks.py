@@ -11,7 +11,7 @@ import pandas as pd
 
 from samrl_core.common.errors import InputError
 from samrl_ros.log_import.draft.column_names import is_time, split_names
-from samrl_ros.log_import.draft.evidence import runs_on
+from samrl_ros.log_import.draft.evidence import runs_on, time_unit
 from samrl_ros.log_import.draft.joints.arm_messages import ARM_MESSAGES, labels_of_array
 from samrl_ros.log_import.draft.text_layout import text_options
 from samrl_ros.log_import.formats.hdf5 import SUFFIXES as HDF5
@@ -121,6 +121,9 @@ def read_parts(path: Path, joints: Sequence[str]) -> list[LogPart]:
 def _nothing_found(parts: Sequence[LogPart]) -> str:
     """Why tables hold neither joints nor anything else, and what to do about it."""
     names = sorted({name for each in parts for name in each.table.columns})
+    for each in parts:
+        if told := _rows_of_signals(each.table):
+            return told
     rows = max((len(each.table.columns[name]) for each in parts for name in each.table.columns), default=0)
     unnamed = bool(names) and all(name.isdecimal() for name in names)
     if unnamed and rows < _LEAST and len(names) > _ACROSS * rows:
@@ -135,6 +138,23 @@ def _nothing_found(parts: Sequence[LogPart]) -> str:
     )  # fmt: skip
     advice = "; name its columns in a first line, such as time,x,y,z" if unnamed else ""
     return f"holds {why}; its columns are {names[:40]}{advice}"
+
+
+def _rows_of_signals(table: Table) -> str:
+    """What to write for a matrix with a signal in each row, the first of them the time; else empty."""
+    for name in table.columns:
+        values = numbers_of(table, name)
+        if values is None or values.ndim != 2 or len(values) >= _LEAST or values.shape[1] < _LEAST:
+            continue
+        steps = np.diff(values[0])
+        if (steps > 0).all() and time_unit(steps):
+            return (
+                f"holds {name!r}, {len(values)} signals of {values.shape[1]} samples in a row each, the first"
+                " of them the time, as Simulink's To File stores them, and no names. Say in a mapping which"
+                f" is which: columns: {{x: {{column: {name}, transpose: true}}}}, time: {{column:"
+                f" '{name}[0]'}}, and formulas such as x[1]"
+            )
+    return ""
 
 
 def _parts(path: Path) -> list[str]:

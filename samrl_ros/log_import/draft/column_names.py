@@ -31,7 +31,7 @@ QUANTITIES = {
 COMMANDED = "cmd command commanded commands target targets ref reference desired des goal goals setpoint"
 COMMANDED += " set point action wanted control d soll sol actions commands setpoints references"
 MEASURED = "actual act meas measured feedback state states obs observation present real process value ist"
-MEASURED += " sensor"
+MEASURED += " sensor msr"
 COMPUTED = "error err output residual integral multi last prev previous next computed safened cos sin"
 # Of a torque: a share that somebody worked out of it, or its rate.
 SHARES = "ext external hat interact interaction gravity g coriolis friction contact disturbance dot rate ff"

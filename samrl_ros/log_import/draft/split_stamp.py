@@ -37,12 +37,12 @@ def split_stamp(table: Table, name: str) -> SplitStamp | None:
         table: of the log.
         name: column whose name may say seconds.
     """
-    words = words_in(name)
+    words = _stamp_words(name)
     whole = numbers_of(table, name) if words and words[-1] in _WHOLE else None
     if whole is None or whole.ndim != 1 or (whole != np.round(whole)).any():
         return None
     for other in table.columns:
-        more = words_in(other)
+        more = _stamp_words(other)
         for key, (unit, names) in _RESTS.items():
             if not more or more[:-1] != words[:-1] or more[-1] not in names:
                 continue
@@ -51,6 +51,14 @@ def split_stamp(table: Table, name: str) -> SplitStamp | None:
                 proof = f"{name!r} with {other!r}"
                 return SplitStamp({"column": name, key: other}, whole + unit * rest, proof)
     return None
+
+
+def _stamp_words(name: str) -> list[str]:
+    """Words of a name; KUKA's `ZeitInNanoSec` says its unit in two."""
+    words = words_in(name)
+    if len(words) > 1 and words[-2] in ("nano", "micro"):
+        words = [*words[:-2], words[-2] + words[-1]]
+    return words
 
 
 def frame_counter(table: Table, used: Sequence[str] = ()) -> str:

@@ -11,7 +11,11 @@ import numpy as np
 
 
 def numbers(path: Path) -> dict[str, np.ndarray]:
-    """Arrays of numbers by name; fields of a struct as `name.field`. Raises what SciPy raises."""
+    """Arrays of numbers by name, as MATLAB writes their paths. Raises what SciPy raises.
+
+    Fields of a struct are `name.field`, those of an array of structs `name(2).field` (Simulink's
+    scopes store their signals so), cells `name{2}`.
+    """
     from scipy.io import loadmat
 
     found: dict[str, np.ndarray] = {}
@@ -25,8 +29,11 @@ def _add(found: dict[str, np.ndarray], name: str, value: Any) -> None:
     array = np.asarray(value)
     if array.dtype.names:
         for part in array.dtype.names:
-            if array.size == 1:
-                _add(found, f"{name}.{part}", array.ravel()[0][part])
+            for k, each in enumerate(array.ravel(order="F")):
+                _add(found, f"{name}.{part}" if array.size == 1 else f"{name}({k + 1}).{part}", each[part])
+    elif array.dtype.kind == "O":
+        for k, each in enumerate(array.ravel(order="F")):
+            _add(found, f"{name}{{{k + 1}}}", each)
     elif array.dtype.kind in "fiub":
         found[name] = array
 

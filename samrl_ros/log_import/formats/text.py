@@ -1,9 +1,10 @@
-"""Text files with a line per sample: .csv, .tsv, .txt, and what motion captures export."""
+"""Text files with a line per sample: .csv, .tsv, .txt, and what motion captures and scopes export."""
 
 from __future__ import annotations
 
 import io
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import pandas as pd
 
 from samrl_core.common.errors import InputError
 from samrl_ros.log_import.formats.encoding import decoded_text
+from samrl_ros.log_import.formats.measurement_exports import read_measurement_export
 from samrl_ros.log_import.formats.motion_capture import read_motion_capture
 from samrl_ros.log_import.specs import CsvOptions
 from samrl_ros.log_import.table import Table
@@ -38,8 +40,8 @@ def read_text_table(path: Path, part: str, options: CsvOptions, where: str) -> T
     if how["sep"] == " ":
         how["sep"] = r"\s+"
     lines = list(io.StringIO(decoded_text(path), newline=""))
-    if options == CsvOptions() and (captured := read_motion_capture(path, lines)) is not None:
-        return captured
+    if options == CsvOptions() and (known := read_known_export(path, lines)) is not None:
+        return known
     text = "".join(
         line
         for number, line in enumerate(lines)
@@ -79,6 +81,16 @@ def read_text_table(path: Path, part: str, options: CsvOptions, where: str) -> T
     if part or options.label:
         columns = rows_of(columns, part, options.label, f"{where}: {path.name}")
     return Table(path, columns, options.decimal)
+
+
+def read_known_export(path: Path, lines: Sequence[str]) -> Table | None:
+    """The table of a text that says itself how it is laid out; None of any other.
+
+    Raises:
+        InputError: an export that contradicts itself.
+    """
+    captured = read_motion_capture(path, lines)
+    return captured if captured is not None else read_measurement_export(path, lines)
 
 
 def _folded(columns: list[np.ndarray | pd.Series], count: int, where: str) -> np.ndarray:

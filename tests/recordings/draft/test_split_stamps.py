@@ -31,6 +31,7 @@ def draft_of(path: Path, header: str, rows: list[str]) -> Draft:
         ("time_sec", "time_usec", "microseconds", 4_000),
         ("stamp_secs", "stamp_nsecs", "nanoseconds", 4_000_000),
         ("tv_sec", "tv_usec", "microseconds", 4_000),
+        ("ZeitInSec", "ZeitInNanoSec", "nanoseconds", 4_000_000),  # KUKA Sunrise's DataRecorder
     ],
 )
 def test_a_stamp_in_two_columns_is_one_clock(

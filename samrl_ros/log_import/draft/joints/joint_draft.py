@@ -37,6 +37,7 @@ from samrl_ros.log_import.draft.joints.named_sources import (
     quantity_of,
     shares_rows,
 )
+from samrl_ros.log_import.draft.joints.names_beside import name_joints
 from samrl_ros.log_import.draft.joints.run_files import (
     files_in,
     recordings_in,
@@ -104,6 +105,8 @@ def draft_mapping(
             if not searched:
                 raise
             draft.unused.append(f"{file.name}: {error}")
+    if searched and not parts:
+        raise InputError(f"none of the folder's {len(files)} logs can be read; {draft.unused[0]}")
     runs = runs_alike(parts)
     if runs:
         parts = [part for part in parts if part.path == runs[0].path]
@@ -111,6 +114,7 @@ def draft_mapping(
     found = [
         NamedBlock(part, block, _meaning(part, block, several)) for part in parts for block in part.blocks
     ]
+    found = name_joints(found, draft)
     found = as_input_and_output(without_relative(without_tool(found, draft), draft))
     found = split_matrix(found, joints, draft)
     position = _measured_position(found, joints, draft)

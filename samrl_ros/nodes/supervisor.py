@@ -280,6 +280,9 @@ class Supervisor(Behaviour):
         if stage == "again":
             self._state = self._state.confirmed_once()
             self._ask("update")
+        elif stage == "retake":
+            self._state = self._state.retaken_once()
+            self._ask("update")
         elif stage == "lost":
             self._end(False, f"{TARGET_LOST} in {self._state.lost_updates} updates in a row")
         elif stage in ("view", "act"):

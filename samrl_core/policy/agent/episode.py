@@ -82,6 +82,9 @@ def run_episode(
         if stage == "again":
             state = state.confirmed_once()
             continue
+        if stage == "retake":
+            state = state.retaken_once()
+            continue
         if stage == "view":
             with watch("view"):
                 view = agent.plan_view(estimate, observation)

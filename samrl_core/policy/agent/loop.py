@@ -11,7 +11,7 @@ import numpy as np
 from samrl_core.cell.tasks.task import Task
 
 # "forced": what the model takes for done, but joints felt more force than the task allows (`run_episode`).
-Stage = Literal["view", "act", "again", "done", "action_limit", "lost", "forced"]
+Stage = Literal["view", "act", "again", "retake", "done", "action_limit", "lost", "forced"]
 
 
 @dataclass(frozen=True)
@@ -39,30 +39,36 @@ class LoopState:
     view_searches: int = 0  # answers of the view search since the last action
     lost_updates: int = 0  # in a row
     confirmed: int = 0  # images in a row after which the model reported "done"
+    unsettled: bool = False  # whether the last image left the fit on its way
+    retaken: bool = False  # whether an image from this view and place was taken again for it
     misfits: tuple[float, ...] = ()  # eq. 6 after the updates of this episode that saw the target
 
     def updated(self, why_stopped: str, misfit: float) -> LoopState:
         """After an update that ended so; `misfit` is eq. 6, of any value where nothing was fitted."""
         if why_stopped == "no_target":
-            return replace(self, lost_updates=self.lost_updates + 1)
-        fitted = (misfit,) if math.isfinite(misfit) else ()
-        return replace(self, lost_updates=0, misfits=self.misfits + fitted)
+            return replace(self, lost_updates=self.lost_updates + 1, unsettled=False)
+        fitted, unsettled = (misfit,) if math.isfinite(misfit) else (), why_stopped == "iteration_limit"
+        return replace(self, lost_updates=0, unsettled=unsettled, misfits=self.misfits + fitted)
 
     def view_searched(self) -> LoopState:
         """After an answer of the view search."""
-        return replace(self, view_searches=self.view_searches + 1, confirmed=0)
+        return replace(self, view_searches=self.view_searches + 1, confirmed=0, retaken=False)
 
     def acted(self) -> LoopState:
         """After an action."""
-        return replace(self, step=self.step + 1, view_searches=0, confirmed=0)
+        return replace(self, step=self.step + 1, view_searches=0, confirmed=0, retaken=False)
 
     def confirmed_once(self) -> LoopState:
         """After an update that reported "done", when another one has to confirm it."""
         return replace(self, confirmed=self.confirmed + 1)
 
+    def retaken_once(self) -> LoopState:
+        """After an update whose image is taken again; it did not report "done"."""
+        return replace(self, retaken=True, confirmed=0)
+
     def interrupted(self) -> LoopState:
         """After a stop in the middle of whatever it was: the action that was cut off does not count."""
-        return replace(self, confirmed=0)
+        return replace(self, confirmed=0, retaken=False)
 
     def fits(self, most: float) -> bool:
         """Whether the last fit's misfit is at most so many times the episode's median."""
@@ -82,8 +88,9 @@ def stage_after_update(
         settings: limits.
 
     Returns:
-        "view" or "act"; "again" for an update from another image, before "done" counts; or how the
-        episode ends: "done" by the model, "action_limit", "lost".
+        "view" or "act"; "again" for an update from another image, before "done" counts; "retake" for one
+        where the last image did not settle and the next action needs the aim, once from each view; or how
+        the episode ends: "done" by the model, "action_limit", "lost".
     """
     if state.lost_updates > settings.max_lost_updates:
         return "lost"
@@ -94,6 +101,10 @@ def stage_after_update(
     if state.step >= settings.max_actions:
         return "action_limit"
     allowed = settings.views_per_search if state.step % settings.view_period == 0 else 0
-    if settings.views_per_search and task.needs_aim(values, tip_position):
-        allowed = max(allowed, settings.views_to_aim)
+    if task.needs_aim(values, tip_position):
+        # Another image costs no action; one that did not settle may send the tool aside.
+        if state.unsettled and not state.retaken:
+            return "retake"
+        if settings.views_per_search:
+            allowed = max(allowed, settings.views_to_aim)
     return "view" if state.view_searches < allowed else "act"

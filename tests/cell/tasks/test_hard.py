@@ -240,6 +240,16 @@ def test_the_aim_is_needed_where_the_end_enters_and_nowhere_else(aside: float) -
     assert not plain.needs_aim(np.zeros(20), tip)
 
 
+def test_an_end_that_is_sent_aside_near_the_eye_is_looked_at_from_elsewhere_first() -> None:
+    """In `careless:1` one image sent it aside, the next view denied it: three actions there and back."""
+    task, values = threading(), needle_values((0.5, 0.0))
+    over = task.eye_at(values) - task.thread_points(values, np.zeros(3))[-1]
+    for height, needed in ((0.002, True), (0.012, True), (0.03, False)):
+        tip = over + [0.006, 0.0, height]
+        assert task.sub_goals(values, tip)[0].name == "above"
+        assert task.needs_aim(values, tip) is needed
+
+
 @pytest.mark.parametrize(("lean", "drawn"), [(0.02, 0.0), (0.05, 0.0009)])
 def test_an_end_that_is_hardly_in_is_drawn_aside_no_more_than_it_must(lean: float, drawn: float) -> None:
     """`careless:4`: believed 0.6 mm above the eye and 3 mm in truth, it was drawn 1.4 mm, onto the ring."""

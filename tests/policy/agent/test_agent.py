@@ -156,6 +156,40 @@ def test_a_view_is_searched_before_an_action_that_needs_the_aim() -> None:
     assert stage(replace(loop, views_per_search=0), step=1) == "act"
 
 
+def test_an_image_that_did_not_settle_is_taken_again_before_an_action_that_needs_the_aim() -> None:
+    """In `careless:4` the search kept the camera, and the tool went 6 mm aside by such an image."""
+    no, yes = (staticmethod(lambda values, tip, word=word: word) for word in (False, True))
+    aimed, free = (type("T", (), {"is_done": no, "needs_aim": word})() for word in (yes, no))
+    loop, settled = LoopSettings(max_actions=9), LoopState(step=1, view_searches=2)
+
+    def stage(task: Any, state: LoopState) -> str:
+        return stage_after_update(task, np.zeros(1), np.zeros(3), state, loop)
+
+    moved = settled.updated("iteration_limit", 0.7)
+    assert stage(aimed, moved) == "retake" and stage(free, moved) == "act"
+    assert stage(aimed, settled.updated("converged", 0.1)) == "act"
+    assert stage(aimed, moved.updated("no_target", 0.0)) == "act"
+    once = moved.confirmed_once().retaken_once()
+    assert once.confirmed == 0  # what is taken again said nothing of "done"
+    assert stage(aimed, once.updated("iteration_limit", 0.7)) == "act"
+    for later in (once.acted(), once.view_searched(), once.interrupted()):
+        assert not later.retaken
+
+
+def test_an_episode_takes_an_image_again_where_it_stands(
+    model: Model, plant: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One more image, and no action more."""
+    monkeypatch.setattr(type(model.task), "needs_aim", lambda *_: True)
+    agent = Agent(model, AgentSettings(policy="optimised", strategy="fixed", update=False))
+    update = agent.update_model
+    agent.update_model = lambda observation: replace(
+        update(observation), why_stopped="iteration_limit" if plant.images == 1 else "converged"
+    )
+    episode = run_episode(agent, plant, LoopSettings(max_actions=1, views_per_search=0))
+    assert (episode.ended, len(episode.steps), plant.images) == ("action_limit", 1, 3)
+
+
 def test_two_images_in_a_row_have_to_agree(model: Model, plant: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(type(model.task), "is_done", lambda *_: plant.images in (2, 4, 5))
     agent = Agent(model, AgentSettings(strategy="fixed", update=False), networks())

@@ -63,8 +63,8 @@ def verdicts(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[bool]]:
     assert not left
 
 
-def updates(estimate: Any, count: int, **settings: Any) -> Outbox:
-    """An episode begins, and `count` updates answer, each 0.4 s after it was asked for."""
+def updates(estimate: Any, count: int, why_stopped: str = "converged", **settings: Any) -> Outbox:
+    """An episode begins, and `count` updates answer so, each 0.4 s after it was asked for."""
     from samrl_msgs.msg import EpisodeReady
 
     from samrl_ros.conversions import model_state, to_message
@@ -78,7 +78,8 @@ def updates(estimate: Any, count: int, **settings: Any) -> Outbox:
     for _ in range(count):
         stage, asked_ns = outbox.asked[-1]
         assert stage == "update"
-        now = replace(estimate, stamp_ns=asked_ns + 400_000_000, why_stopped="converged", loss_after=0.05)
+        stamp_ns = asked_ns + 400_000_000
+        now = replace(estimate, stamp_ns=stamp_ns, why_stopped=why_stopped, loss_after=0.05)
         supervisor.handle(STATE, model_state.to_message(now, TASK, 0, 0))
     return outbox
 
@@ -100,6 +101,14 @@ def test_one_image_that_says_done_is_not_enough(estimate: Any, verdicts: list[bo
 def test_as_many_as_are_asked_for(estimate: Any, verdicts: list[bool]) -> None:
     verdicts += [True]
     assert updates(estimate, 1, done_confirmations=1).ends == [(True, "done")]
+
+
+def test_an_image_that_did_not_settle_is_taken_again_once(
+    estimate: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(PegInsertion, "needs_aim", lambda *_: True)
+    found = updates(estimate, 2, why_stopped="iteration_limit")
+    assert [stage for stage, _ in found.asked] == ["update", "update", "view"] and not found.ends
 
 
 def test_a_model_that_is_not_updated_ends_nothing(estimate: Any) -> None:

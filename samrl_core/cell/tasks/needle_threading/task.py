@@ -315,10 +315,11 @@ class NeedleThreading(Task):
         return crossing_offset(self.thread_points(values, tip_position), self.eye_at(values))
 
     def needs_aim(self, values: np.ndarray, tip_position: np.ndarray) -> bool:
-        """Where the end is to enter the eye; above it the way is free, and in it the eye leads."""
+        """Where the end is to enter the eye, or goes aside near it; in the eye the thread is led by it."""
         goals = self.sub_goals(values, tip_position)
         ahead = [g.name for g in goals if np.linalg.norm(g.tip_position - tip_position) > g.tolerance]
-        return ahead[:1] == [ENTER]
+        near = bool(self.thread_points(values, tip_position)[-1, 2] < self.eye_z + self.hover + 0.001)
+        return ahead[:1] == [ENTER] or (self.finds_needle and near and ahead[:1] == ["above"])
 
     def held_within(self, values: np.ndarray, tip_position: np.ndarray) -> float:
         """See `Task`: an end that is farther in than heights are known leaves its eye only upwards."""

@@ -8,15 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from samrl_core.common.errors import InputError
+from samrl_core.diagnosis.residuals.poses.corner_noise import corner_noise
+from samrl_core.diagnosis.residuals.poses.student import ROBUST, log_student
 
 POWERS = (0, 1, 2)  # of the distance with which noise of a detected pose may grow
 ALIKE = ((0, 1), (2,), (3, 4, 5))  # channels that grow alike: across the view, along it, turns
 CLEARLY = 5.0  # [nat] by which growing noise must be likelier than even noise
-FREEDOM = 4.0  # of the Student distribution that tells it
 JITTERS_S = (0.0, *(1e-4 * 2.0 ** (0.5 * k) for k in range(13)))  # [s] of stamps, up to 6 ms
 LEAST_STEPS = 40  # views from which on differences tell it
+NEAREST_M = 0.01  # of a target: nearer poses have the noise of this distance
 LEAST_SPREAD = 0.3  # of the distance's logarithm, below which growth does not show
-ROBUST = 1.4826  # of a median absolute deviation, for a Gaussian
 OUTLIER = 6.0  # standard deviations beyond which a detection is not one of the target
 MOST_APART = 0.5  # of the detections: a median is of the others only as long as those are most
 PAIRS_BREAK = 1.0 - np.sqrt(0.5)  # mistakes: of more, most differences of neighbours hold one
@@ -28,14 +29,26 @@ LEAST = np.array([1e-6] * 3 + [1e-6] * 3)  # [m], [rad]: rounding of a log
 
 @dataclass(frozen=True, eq=False)
 class DetectorNoise:
-    """Noise of detected poses, by the target's distance."""
+    """Noise of detected poses by how the target was seen: by corners where they tell, else its distance."""
 
-    level: np.ndarray  # (6,) standard deviations at 1 m [m], [rad]
-    power: np.ndarray  # (6,) of the distance
+    level: np.ndarray  # (6,) standard deviations where `growth` is one
+    power: np.ndarray  # (6,) of the distance; not used with a square
+    square: tuple[float, float] = (0.0, 0.0)  # half side [m] and beginning, as `corner_noise`; 0: none
 
-    def at(self, distance: np.ndarray) -> np.ndarray:
-        """Standard deviations (N, 6) at distances (N,) [m]."""
-        return self.level * distance[:, None] ** self.power
+    def growth(self, views: np.ndarray) -> np.ndarray:
+        """Noise (N, 6) of views (N, 4, 4) of the target in the camera, up to the level."""
+        if self.square[0]:
+            return corner_noise(views, *self.square)
+        return distance_of(views)[:, None] ** self.power
+
+    def at(self, views: np.ndarray) -> np.ndarray:
+        """Standard deviations (N, 6) of views (N, 4, 4) of the target in the camera."""
+        return self.level * self.growth(views)
+
+
+def distance_of(views: np.ndarray) -> np.ndarray:
+    """Of the target in views (N, 4, 4), (N,) [m], no less than `NEAREST_M`."""
+    return np.maximum(np.linalg.norm(views[:, :3, 3], axis=1), NEAREST_M)
 
 
 def find_apart(left: np.ndarray, floor: np.ndarray, least: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -95,7 +108,7 @@ def growth_power(left: np.ndarray, distance: np.ndarray) -> np.ndarray:
     x = x - x.mean()
     for channels in ALIKE:
         y = left[:, list(channels)]
-        likely = np.array([_log_student(y * np.exp(-p * x)[:, None]) for p in POWERS])
+        likely = np.array([log_student(y * np.exp(-p * x)[:, None]) for p in POWERS])
         best = int(np.argmax(likely))
         out[list(channels)] = POWERS[best] if likely[best] > likely[0] + CLEARLY else 0
     return out
@@ -118,21 +131,11 @@ def stamp_jitter(left: np.ndarray, rate: np.ndarray, level: np.ndarray) -> float
 
     def likely(jitter: float) -> float:
         grown = np.sqrt(1.0 + (jitter * speed) ** 2)
-        return _log_student(steps / grown) - float(np.sum(np.log(grown)))
+        return log_student(steps / grown) - float(np.sum(np.log(grown)))
 
     found = {jitter: likely(jitter) for jitter in JITTERS_S}
     best = max(found, key=found.__getitem__)
     return best if found[best] > found[0.0] + CLEARLY else 0.0
-
-
-def _log_student(values: np.ndarray) -> float:
-    """Log likelihood of columns (N, K) at the likeliest scale of each, up to a constant."""
-    level = np.maximum(ROBUST * np.median(np.abs(values), axis=0), 1e-12)
-    for _ in range(2 * ROUNDS):  # expectation and maximisation
-        weight = (FREEDOM + 1.0) / (FREEDOM + (values / level) ** 2)
-        level = np.maximum(np.sqrt(np.mean(weight * values**2, axis=0)), 1e-12)
-    fallen = 0.5 * (FREEDOM + 1.0) * np.log1p((values / level) ** 2 / FREEDOM)
-    return -float(np.sum(fallen + np.log(level)))
 
 
 def leftover(residual: np.ndarray, columns: Sequence[np.ndarray], spread: Sequence[float]) -> np.ndarray:

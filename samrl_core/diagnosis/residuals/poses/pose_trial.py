@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -15,8 +16,10 @@ from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.phases import REST, phases_of_speed
 from samrl_core.diagnosis.residuals.poses import rigid
 from samrl_core.diagnosis.residuals.poses.chain import Chain, Constants, track_rate
+from samrl_core.diagnosis.residuals.poses.corner_noise import find_square
 from samrl_core.diagnosis.residuals.poses.noise import (
     DetectorNoise,
+    distance_of,
     find_apart,
     find_change,
     growth_power,
@@ -30,7 +33,6 @@ UNITS = {name: "m" if name.startswith("position") else "rad" for name in CHANNEL
 LEAST_POSES = 6
 TIMING_RATE_HZ = 5.0  # below it poses are no motion: nothing is said of clocks
 RATE_STEP_S = 0.01  # of the difference that gives a rate
-NEAREST_M = 0.01  # of a target: nearer poses have the noise of this distance
 END_S, END_SHARE = 0.5, 0.05  # of a recording at either end of an arm's track, the less of the two
 LEFT_OUT = 1e3  # times the noise: as good as left out
 LEVER_M = 0.5  # at which a translation of 1 m/s counts as 2 rad/s, for phases
@@ -71,20 +73,23 @@ class PoseTrial(Observed):
         self.chain = Chain(recording, constants)
         self.channels = CHANNELS
         self.cached: dict[tuple[str, str], Any] = {}
-        predicted = self.chain.predicted()
-        self.seen_position = predicted[:, :3, 3]
-        self.twist = rigid.log(self.chain.seen @ rigid.inverse(predicted))
+        self.views = self.chain.predicted()  # of the target, (N, 4, 4) in the camera
+        self.seen_position = self.views[:, :3, 3]
+        self.twist = rigid.log(self.chain.seen @ rigid.inverse(self.views))
         self._residual = self.at_target(self.twist)
         self.shows_time = (
             recording.timed
             and track_rate(recording.seen) >= TIMING_RATE_HZ
             and all(_rate(a.stamps) >= TIMING_RATE_HZ for a in recording.arms)
         )
-        distance = self.distance
         if noise is None:
-            self.noise, self._sigma, apart = self._noise(distance, like, few)
+            self.noise, self._sigma, apart = self._noise(like, few)
         else:
-            self.noise, self._sigma, apart = noise, noise.at(distance), np.zeros(len(distance), dtype=bool)
+            self.noise, self._sigma, apart = (
+                noise,
+                noise.at(self.views),
+                np.zeros(len(self.views), dtype=bool),
+            )
         self.outliers = int(np.count_nonzero(apart))
         self.moved = find_change(apart)  # begin and end of seen poses, all of which stand apart
         self._sigma[self._at_ends()] *= LEFT_OUT
@@ -238,9 +243,7 @@ class PoseTrial(Observed):
 
     # -- noise -----------------------------------------------------------------------------------------
 
-    def _noise(
-        self, distance: np.ndarray, like: DetectorNoise | None, few: bool
-    ) -> tuple[DetectorNoise, np.ndarray, np.ndarray]:
+    def _noise(self, like: DetectorNoise | None, few: bool) -> tuple[DetectorNoise, np.ndarray, np.ndarray]:
         """The noise, its standard deviations (N, 6), and which detections (N,) stand apart."""
         columns, spread = self._what_may_be_off()
         residual = self._residual
@@ -251,24 +254,31 @@ class PoseTrial(Observed):
         left = leftover(residual, columns, spread)
         stated = self.recording.tolerances
         floor = stated.deviation * np.array([stated.detection_position] * 3 + [stated.detection_rotation] * 3)
-        power = growth_power(left, distance) if like is None else like.power
-        growth = distance[:, None] ** power
+        noise = self._growing(left) if like is None else like
+        growth = noise.growth(self.views)
         middle = np.median(growth, axis=0)
-        growth = growth * self._of_jitter(left * middle / growth)
+        growth = growth * self._of_jitter(left, growth / middle)
         even = left * middle / growth
         least = like.level * middle if few and like is not None else np.zeros(len(floor))
         level, score = find_apart(even, floor, least)
-        noise = DetectorNoise(level / middle, power)
+        noise = replace(noise, level=level / middle)
         sigma = noise.level * growth
         apart = score > 0.0
         sigma[apart] *= (score[apart] ** 2)[:, None]  # as good as left out
         return noise, sigma, apart
 
-    def _of_jitter(self, even: np.ndarray) -> np.ndarray:
-        """Factors (N, 6) above one by which stamps that scatter raise the noise of views in motion."""
+    def _growing(self, left: np.ndarray) -> DetectorNoise:
+        """Noise of an open level that grows as what is left (N, 6) clearly shows."""
+        by_distance = DetectorNoise(np.ones(6), growth_power(left, distance_of(self.views)))
+        square = find_square(left, self.views, by_distance.growth(self.views))
+        return replace(by_distance, square=square)
+
+    def _of_jitter(self, left: np.ndarray, growth: np.ndarray) -> np.ndarray:
+        """Factors (N, 6) above one by which stamps that scatter raise noise of a growth (N, 6)."""
         if not self.shows_time:
-            return np.ones_like(even)
-        rate = self.at_target(sum(self.rates.values(), np.zeros((len(even), 6))))
+            return np.ones_like(left)
+        rate = self.at_target(sum(self.rates.values(), np.zeros((len(left), 6)))) / growth
+        even = left / growth
         level = noise_level(even, np.zeros(6))
         return np.sqrt(1.0 + (stamp_jitter(even, rate, level) * rate / level) ** 2)
 
@@ -296,13 +306,8 @@ class PoseTrial(Observed):
         if self.shows_time:
             columns += [self.at_target(rate) for rate in self.rates.values()]
             spread += [CLOCK] * len(self.rates)
-        noise = self.noise.at(self.distance)
+        noise = self.noise.at(self.views)
         return leftover(self._residual, columns, spread) / noise, np.array(columns) / noise
-
-    @cached_property
-    def distance(self) -> np.ndarray:
-        """Of the target, (N,) [m], no less than `NEAREST_M`."""
-        return np.maximum(np.linalg.norm(self.seen_position, axis=1), NEAREST_M)
 
     def _aligned(self, columns: list[np.ndarray], spread: list[float]) -> np.ndarray:
         """Residuals at the arms' common clock offset that leaves least: noise must not hold a delay."""

@@ -32,7 +32,7 @@ def find_slip(trial: PoseTrial) -> str:
     basis = u[:, strength > 1e-9 * strength[0]]
     values = np.clip(left, -FAR_APART * typical, FAR_APART * typical).reshape(-1)
     values = values - basis @ (basis.T @ values)
-    noise = trial.noise.at(trial.distance)
+    noise = trial.noise.at(trial.views)
     links = {name: trial.at_target(twists) / noise for name, twists in trial.links.items()}
 
     def explains(begin: int) -> tuple[float, str]:

@@ -20,6 +20,7 @@ from samrl_ros.log_import.sources import SourceData, read_source, update_digest
 from samrl_ros.log_import.specs import LoggedSpec
 from samrl_ros.log_import.units import UNITS as UNITS_OF_LOGS
 
+OTHER_SURFACE = 0.25  # of the distance, by which no sensor is off
 FACTORS = {"depth": LENGTHS, "stamp": UNITS_OF_LOGS["time"]}
 
 
@@ -32,14 +33,19 @@ class ReadingsSpec(Checked):
     reading: Formula
     reference: Formula
     unit: str | None = None  # of both; None: m or s
+    image: Formula | None = None  # that each reading is of, and its surface there: of those of one image
+    surface: Formula | None = None  # the one that is nearest to the reference counts
 
     @property
     def quantities(self) -> dict[str, FormulaList]:
         """Formulas by key, as `read_source` looks for them."""
-        return {"reading": FormulaList([self.reading]), "reference": FormulaList([self.reference])}
+        given = {key: getattr(self, key) for key in ("reading", "reference", "image", "surface")}
+        return {key: FormulaList([formula]) for key, formula in given.items() if formula is not None}
 
     @model_validator(mode="after")
     def _unit_fits(self) -> ReadingsSpec:
+        if (self.image is None) != (self.surface is None):
+            raise fault(" needs image and surface together: of one image the nearest surface counts")
         known = FACTORS[self.quantity]
         if self.unit is not None and self.unit not in known:
             raise fault(f" is {self.unit!r}; {self.quantity} is in one of {', '.join(known)}", "unit")
@@ -96,14 +102,18 @@ def import_readings(spec: ReadingRecordingSpec, text: str, data: Path) -> Import
     given, where, count = spec.readings, f"{spec.path}.readings", len(source.time)
     factor = FACTORS[given.quantity][given.unit or UNITS[given.quantity]]
 
-    def values(key: str) -> np.ndarray:
+    def numbers(key: str) -> np.ndarray:
         made = np.asarray(evaluate(getattr(given, key), source.values, f"{where}.{key}"), dtype=float)
         if made.shape not in ((), (count,)):
             raise InputError(
                 f"{where}.{key} gives shape {made.shape}, must be one number per sample, ({count},)"
             )
-        return factor * np.broadcast_to(made, (count,))
+        return np.broadcast_to(made, (count,))
 
+    reading, reference = factor * numbers("reading"), factor * numbers("reference")
+    keep = np.ones(count, dtype=bool)
+    if given.surface is not None:
+        keep = nearest_surfaces(numbers("image"), numbers("surface"), reading, reference, where, notes)
     tolerances = ReadingTolerances()
     if spec.tolerances is not None:
         try:
@@ -115,13 +125,59 @@ def import_readings(spec: ReadingRecordingSpec, text: str, data: Path) -> Import
         update_digest(digest, file)
     recording = ReadingRecording(
         spec.name, ", ".join(map(str, source.files)), digest.hexdigest(), given.quantity, given.sensor,
-        source.time - source.time[0], values("reading"), values("reference"), tolerances,
+        (source.time - source.time[0])[keep], reading[keep], reference[keep], tolerances,
     )  # fmt: skip
     error = recording.reading - recording.reference
     unit = UNITS[given.quantity]
     report = (
-        f"{given.quantity} of {given.sensor}: {count} readings, {recording.duration:.3f} s",
+        f"{given.quantity} of {given.sensor}: {len(error)} readings, {recording.duration:.3f} s",
         f"reading minus reference: median {np.median(error):.4g} {unit},"
         f" {error.min():.4g} .. {error.max():.4g} {unit}",
     )
     return ImportedReadings(recording, spec.role, report, tuple(notes))
+
+
+def nearest_surfaces(
+    image: np.ndarray, surface: np.ndarray, reading: np.ndarray, reference: np.ndarray, where: str,
+    notes: list[str],
+) -> np.ndarray:  # fmt: skip
+    """Readings (N,) of the surface of each image that is nearest to the reference: a board before a wall.
+
+    Args:
+        image: of each reading (N,), as its surface.
+        surface: from 0, that of most depth first.
+        reading: [m], as the reference.
+        reference: where the board's plane is.
+        where: for messages.
+        notes: what was left out is added.
+
+    Raises:
+        InputError: in most images no surface is near the reference.
+    """
+    off = np.abs(reading / reference - 1.0)
+    keep, smaller, none = np.zeros(len(off), dtype=bool), 0, 0
+    images = np.unique(image)
+    for one in images:
+        there = image == one
+        apart = {k: float(np.median(off[there & (surface == k)])) for k in np.unique(surface[there])}
+        nearest = min(apart, key=apart.__getitem__)
+        if apart[nearest] > OTHER_SURFACE:
+            none += 1
+            continue
+        smaller += nearest > 0
+        keep |= there & (surface == nearest)
+    if none > 0.5 * len(images):
+        raise InputError(
+            f"{where}: in {none} of {len(images)} images no surface is within {OTHER_SURFACE:.0%} of the"
+            f" reference ({np.median(reading):.3g} m read, {np.median(reference):.3g} m stated, medians)."
+            " Are the board's poses in the depth camera and in m, is `per_metre` right, and does the board"
+            " fill a fifth of the image's width?"
+        )
+    if none:
+        notes.append(f"{where}: {none} of {len(images)} images show no surface near the reference")
+    if smaller:
+        notes.append(
+            f"{where}: in {smaller} of {len(images)} images a larger surface than the reference's, as a wall"
+            " behind a board, is left out"
+        )
+    return keep

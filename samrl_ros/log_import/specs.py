@@ -83,6 +83,7 @@ class ImageOptions(Checked):
     fy: Positive
     cx: float
     cy: float
+    surfaces: Annotated[int, Field(ge=1, le=5)] = 1  # planes that read; more where a board is before a wall
     list: str | None = None  # a text table in the folder of the images; ".": arrays of the stack's own file
     name: str = ""  # its column that names the image; else its rows are in the images' order
     csv: CsvOptions = CsvOptions()  # how it is written

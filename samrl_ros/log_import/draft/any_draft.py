@@ -12,6 +12,7 @@ from samrl_ros.log_import.draft.bodies.seen_tracks import are_at_once, is_named_
 from samrl_ros.log_import.draft.guess import Draft, Effort
 from samrl_ros.log_import.draft.joints.joint_draft import draft_mapping
 from samrl_ros.log_import.draft.poses.joint_chain import draft_joint_chain
+from samrl_ros.log_import.draft.poses.joint_table import draft_joint_table, draft_with_description_beside
 from samrl_ros.log_import.draft.poses.pose_draft import are_roles_sure, draft_pairs, draft_poses
 from samrl_ros.log_import.draft.readings.clock_draft import LEAST, draft_stamped_topic
 from samrl_ros.log_import.draft.readings.depth_draft import draft_depth_images
@@ -40,8 +41,12 @@ def draft_any(
     one = bags[:1] or paths
     if urdf is None:
         drafted = draft_free_devices(paths)  # of several bags with poses or bodies, too
+    elif urdf_file is None:
+        drafted = None
+    elif all(map(is_bag, one)):
+        drafted = draft_joint_chain(one, urdf, urdf_file)
     else:
-        drafted = None if urdf_file is None else draft_joint_chain(one, urdf, urdf_file)
+        drafted = draft_joint_table(read_logged_tables(paths), urdf, urdf_file)
     if drafted is None:
         drafted = draft_mapping(one, urdf, urdf_file, effort)
         return spread(drafted, bags) if len(bags) > 1 else drafted
@@ -57,6 +62,8 @@ def draft_free_devices(paths: Sequence[Path]) -> Draft | None:
     if (images := draft_depth_images(paths)) is not None:
         return images
     tables = read_logged_tables(paths)
+    if (joints := draft_with_description_beside(paths, tables)) is not None:
+        return joints
     return draft_readings(tables) or _draft_tracks(paths, tables) or draft_stamped_topic(paths)
 
 

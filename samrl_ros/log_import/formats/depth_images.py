@@ -42,6 +42,7 @@ def read_depth_images(path: Path, options: ImageOptions, where: str) -> Table:
     """A table with a row for each part of each image.
 
     Columns: `plane_distance` and `depth` [m], `ray_x`, `ray_y` (of the ray at depth one), `image` (from 0),
+    `surface` (from 0, that of most depth first; more than one with `surfaces`),
     `named_distance` [m] where names of files or folders say one, and those of the list of images.
 
     Raises:
@@ -62,7 +63,7 @@ def read_depth_images(path: Path, options: ImageOptions, where: str) -> Table:
         )
     table = Table(path)
     made = np.concatenate(rows)
-    for column, name in enumerate(("image", "ray_x", "ray_y", "depth", "plane_distance")):
+    for column, name in enumerate(("image", "surface", "ray_x", "ray_y", "depth", "plane_distance")):
         table.columns[name] = made[:, column]
     at = made[:, 0].astype(int)
     distances = [distance_in(name) for name in names]
@@ -213,28 +214,51 @@ def beside_stack(path: Path, count: int, where: str) -> Table:
 
 
 def _readings(z: np.ndarray, options: ImageOptions) -> np.ndarray | None:
-    """(K, 4) ray at depth one, depth and plane's distance [m] by parts of an image; None without a plane."""
+    """(K, 5) surface, ray at depth one, depth and plane's distance [m] by parts of an image.
+
+    The first surface is the plane that most of the depth is on, read over the image; each further one that of
+    what is on none before, read where it stands. None without a plane.
+    """
     height, width = z.shape
     rows, columns = np.mgrid[0:height, 0:width]
-    x, y = (columns - options.cx) / options.fx, (rows - options.cy) / options.fy
-    rays = np.stack([x, y, np.ones_like(x)], axis=2)
-    seen = z > 0
-    plane = _fit_plane(rays[seen], z[seen])
-    if plane is None:
-        return None
-    along = rays @ (plane / np.linalg.norm(plane))  # distance of the plane over depth
-    on = seen & (np.abs(z * (rays @ plane) - 1.0) < PLANE)
-    out = []
+    rays = np.stack(
+        [(columns - options.cx) / options.fx, (rows - options.cy) / options.fy, np.ones(z.shape)], 2
+    )
+    seen, out = z > 0, []
     down = np.linspace(MARGIN * height, (1 - MARGIN) * height, GRID[0] + 1).astype(int)
     across = np.linspace(MARGIN * width, (1 - MARGIN) * width, GRID[1] + 1).astype(int)
+    for surface in range(options.surfaces):
+        plane = _fit_plane(rays[seen], z[seen])
+        if plane is None:
+            break
+        on = seen & (np.abs(z * (rays @ plane) - 1.0) < PLANE)
+        if surface:
+            down, across = (_spread(np.flatnonzero(on.any(axis=1 - k)), n) for k, n in enumerate(GRID))
+        out += [[surface, *part] for part in _parts(z, rays, plane, on, down, across)]
+        seen = seen & ~on
+    return np.array(out) if out else None
+
+
+def _spread(pixels: np.ndarray, parts: int) -> np.ndarray:
+    """Borders (parts + 1,) of parts of a stretch of rows or columns."""
+    return np.linspace(pixels[0], pixels[-1] + 1, parts + 1).astype(int)
+
+
+def _parts(
+    z: np.ndarray, rays: np.ndarray, plane: np.ndarray, on: np.ndarray, down: np.ndarray, across: np.ndarray
+) -> Iterator[list[float]]:
+    """Ray, depth and plane's distance of each part of a grid that most of its pixels are on the plane of."""
+    along = rays @ (plane / np.linalg.norm(plane))  # distance of the plane over depth
     for top, bottom in zip(down[:-1], down[1:], strict=True):
         for left, right in zip(across[:-1], across[1:], strict=True):
             part = (slice(top, bottom), slice(left, right))
-            if on[part].mean() >= FILLED:
-                distance = float(np.median((z * along)[part][on[part]]))
-                ray = float(x[part].mean()), float(y[part].mean())
-                out.append([*ray, float(np.median(z[part][on[part]])), distance])
-    return np.array(out) if out else None
+            there = on[part]
+            if not there.size or there.mean() < FILLED:
+                continue
+            distance = float(np.median((z * along)[part][there]))
+            ray = rays[part][there].mean(axis=0)  # of a part that is half filled it is not the middle
+            depth = distance / float(ray @ plane) * float(np.linalg.norm(plane))
+            yield [float(ray[0]), float(ray[1]), depth, distance]
 
 
 def _fit_plane(rays: np.ndarray, z: np.ndarray) -> np.ndarray | None:

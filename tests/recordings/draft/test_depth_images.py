@@ -14,14 +14,17 @@ from samrl_core.common.errors import InputError
 from samrl_ros.cli.main import run
 from samrl_ros.log_import.devices import read_devices
 from samrl_ros.log_import.draft.any_draft import draft_any
+from samrl_ros.log_import.draft.writing import as_yaml
 from samrl_ros.log_import.formats.depth_images import distance_in, images_in, is_depth_file
 from samrl_ros.log_import.formats.intrinsics import Intrinsics, read_cameras
+from samrl_ros.log_import.reading_importer import nearest_surfaces, readings_of
 from tests.recordings.logs.depth_cameras import (
     CX,
     CY,
     FX,
     FY,
     MATRIX,
+    make_board,
     make_realsense,
     make_ros_dump,
     make_stack,
@@ -110,6 +113,31 @@ def test_poses_of_a_board_give_the_plane_of_a_leaning_wall(tmp_path: Path) -> No
     mapping.write_text("\n".join([*lines[:begin], *lines[begin + 2 :]]))
     assert run(["bag", "import", str(mapping), "--out", str(tmp_path / "bags")]) == 0
     check(report(tmp_path / "bags", tmp_path / "report"), "c", 0.008)
+
+
+def test_a_board_before_a_larger_wall_reads_the_board(tmp_path: Path) -> None:
+    """The plane of most depth was the wall's, up to twice as far away, and the board read nothing."""
+    factor = 0.012
+    draft = draft_any([make_board(tmp_path / "board", factor)], None, None)
+    draft.guesses.clear()  # what is asked is so
+    (found,) = readings_of(as_yaml(draft), tmp_path / "mapping.yaml", tmp_path)
+    off = found.recording.reading / found.recording.reference - 1.0
+    assert len(off) > 50 and np.median(off) == pytest.approx(factor, abs=3e-4)
+    assert np.abs(off - factor).max() < 4e-3  # 0.12 % of noise; a part that is half filled read 1 %
+    assert any("in 6 of 6 images a larger surface" in note for note in found.notes)
+
+
+def test_poses_that_no_surface_is_at_are_refused() -> None:
+    """As of a colour camera elsewhere, or in another unit; one image of many is left out and told."""
+    image, surface = np.repeat(np.arange(4.0), 6), np.tile([0.0, 0.0, 0.0, 1.0, 1.0, 1.0], 4)
+    read, reference = np.where(surface > 0, 0.6, 2.0), np.full(24, 0.61)
+    reference[:6] = 1.1
+    notes: list[str] = []
+    keep = nearest_surfaces(image, surface, read, reference, "here", notes)
+    assert np.array_equal(keep, (image > 0) & (surface > 0))
+    assert "1 of 4 images show no surface" in notes[0] and "in 3 of 4 images a larger surface" in notes[1]
+    with pytest.raises(InputError, match="in 4 of 4 images no surface is within 25% of the reference"):
+        nearest_surfaces(image, surface, read, 1e-3 * reference, "here", notes)
 
 
 def test_what_no_file_says_is_asked_for(tmp_path: Path) -> None:

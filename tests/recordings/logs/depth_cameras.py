@@ -1,4 +1,4 @@
-"""Depth of a wall as depth cameras and data sets write it, by NumPy and Pillow alone.
+"""Depth of a wall as depth cameras and data sets write it, by NumPy, Pillow and SciPy's rotations alone.
 
 Noise grows with the square of the depth, a pattern of 0.04 % lasts, an edge and 3 % of the pixels are holes.
 python -m tests.recordings.logs.depth_cameras DIR makes a folder for each case.
@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image
+from scipy.spatial.transform import Rotation
 
 WIDTH, HEIGHT, FX, FY, CX, CY = 320, 240, 302.0, 301.0, 158.3, 121.7
 AT_M = (0.4, 0.6, 0.8, 1.1, 1.5, 2.0)
@@ -85,6 +86,25 @@ def make_tum(folder: Path, square: float) -> Path:
         poses.append(f"{name}.png," + ",".join(f"{v:.6f}" for v in (*place, *turn)))
     for file, lines in (("depth.txt", listed), ("rgb.txt", ["# color"]), ("board.csv", poses)):
         (folder / file).write_text("\n".join(lines) + "\n")
+    (folder / "K.txt").write_text("\n".join(" ".join(map(str, row)) for row in MATRIX))
+    return folder
+
+
+def make_board(folder: Path, factor: float, wall_m: float = 1.15) -> Path:
+    """A leaning board of 300 x 220 mm before a wall that fills most of the image; poses by quaternions."""
+    rng = np.random.default_rng(25)
+    poses = ["file,tx,ty,tz,qx,qy,qz,qw"]
+    for k in range(6):
+        turned = Rotation.from_euler("xyz", rng.uniform(-0.3, 0.3, 3))
+        place = np.array([*rng.uniform(-0.05, 0.05, 2), rng.uniform(0.5, 0.95)])
+        normal = turned.as_matrix()[:, 2]
+        z = (normal @ place) / (RAY @ normal)
+        aside = np.abs((RAY * z[..., None] - place) @ turned.as_matrix()[:, :2])
+        there = np.all(aside < [0.15, 0.11], axis=2)
+        depth = np.where(there, wall(rng, normal @ place, normal, factor), wall(rng, wall_m, None, factor))
+        save(folder / "depth" / f"{k:03d}.png", depth)
+        poses.append(f"{k:03d}.png," + ",".join(f"{v:.6f}" for v in (*place, *turned.as_quat())))
+    (folder / "board.csv").write_text("\n".join(poses) + "\n")
     (folder / "K.txt").write_text("\n".join(" ".join(map(str, row)) for row in MATRIX))
     return folder
 

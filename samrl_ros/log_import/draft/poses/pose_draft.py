@@ -78,7 +78,7 @@ def draft_poses(
     seen, carried = _roles(used, draft) if chains is None else _told_roles(chains, draft)
     draft.unused += [each.name for each in used if each is not seen and each is not carried]
     keys = {"target": seen} | ({"flange": carried} if carried.place != seen.place else {})
-    times = {key: _add_source(key, each, (seen, carried), draft) for key, each in keys.items()}
+    times = {key: add_pose_source(key, each, (seen, carried), draft) for key, each in keys.items()}
     at_rest = any(slow for _, slow in times.values())
     entries = {
         "seen": add_track_entry(seen, "target", draft),
@@ -153,7 +153,7 @@ def _told_roles(chains: FoundChains, draft: Draft) -> tuple[LoggedTrack, LoggedT
     return chains.seen, chains.carried
 
 
-def _add_source(
+def add_pose_source(
     key: str, each: LoggedTrack, both: Sequence[LoggedTrack], draft: Draft
 ) -> tuple[np.ndarray, bool]:
     """A file with its time; times (N,) [s] of its rows, and whether poses were taken at rest."""

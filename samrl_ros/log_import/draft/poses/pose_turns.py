@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from samrl_core.cell.types.pose_recording import PoseRecording
+from samrl_core.diagnosis.residuals.poses.chain import Arm
 
 MOST_TURNS = 60  # views that are compared, each with each
 LEAST_TURN = 0.02  # [rad] root mean square about a second axis, below which a chain's constants do not show
@@ -19,10 +20,11 @@ def turns_apart(recording: PoseRecording) -> float:
     rotations are read in the wrong way.
     """
     arm = recording.camera_arm or recording.tool_arm
-    if arm is None or arm.flange is None or len(arm.flange.time) != len(recording.seen.time):
+    if arm is None or len(arm.stamps) != len(recording.seen.time):
         return 0.0
     step = -(-len(recording.seen.time) // MOST_TURNS)
-    one, other = (_turns(track.quat_xyzw[::step]) for track in (recording.seen, arm.flange))
+    flanges = Arm(arm, timed=False).at(arm.stamps[::step])[:, :3, :3]
+    one, other = _turns(recording.seen.quat_xyzw[::step]), _turns(Rotation.from_matrix(flanges).as_quat())
     return float(np.median(np.abs(one - other))) if len(one) else 0.0
 
 

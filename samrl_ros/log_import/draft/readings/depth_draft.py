@@ -46,6 +46,7 @@ from samrl_ros.log_import.tables import RARELY_LOGS, SUFFIXES, TEXT_SUFFIXES, re
 SCALES = (1000.0, 5000.0, 10000.0, 4000.0, 1.0)  # raw numbers of a metre that cameras and data sets use
 OFF = 0.1  # by which a depth may be off where its unit is to be told
 CENTRAL = 0.2, 0.8  # share of the image's size within which the optical axis is
+SURFACES = 3  # of an image that may be a board's: a wall and a table are often larger
 MIDDLE = 0.25  # of the image, whose depth stands for the plane's
 
 
@@ -80,9 +81,11 @@ def draft_depth_images(paths: Sequence[Path]) -> Draft | None:
     images |= {"per_metre": _per_metre(middle, stated, said, path, draft)}
     images |= asdict(_intrinsics(path, [c for c in cameras if c.intrinsics], width, height, draft))
     draft.readings = {"quantity": "depth", "reading": "reading", "reference": reference, "unit": "m"}
-    draft.note(
-        "readings", "each part of an image is a reading, where most of its depth is on the image's plane"
-    )
+    which = "the image's plane"
+    if "surfaces" in images:
+        draft.readings |= {"image": "image", "surface": "surface"}
+        which = f"one of its {SURFACES} largest planes; the one nearest to the board's pose counts"
+    draft.note("readings", f"each part of an image is a reading, where most of its depth is on {which}")
     draft.recordings = [{"name": each.stem, "role": "fit", "files": {"log": each.name}} for each in paths]
     if len(paths) > 1:
         draft.recordings[-1]["role"] = "held_out"
@@ -144,7 +147,8 @@ def _reference(
         if found := _listed_distance(listed, rows, source, draft):
             return found
         if found := _listed_pose(listed, source, draft):
-            source["columns"] |= {"reading": "depth"}
+            source["columns"] |= {"reading": "depth", "image": "image", "surface": "surface"}
+            images["surfaces"] = SURFACES
             return found, None
         for key in ("list", "name", "csv"):
             images.pop(key, None)

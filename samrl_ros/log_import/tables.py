@@ -31,6 +31,7 @@ from samrl_ros.log_import.specs import CsvOptions
 from samrl_ros.log_import.table import Table
 
 TEXT_SUFFIXES = (".csv", ".tsv", ".txt", ".lvm")
+YAML_SUFFIXES = (".yaml", ".yml", ".samples")  # the last of easy_handeye2
 _NUMBERS = re.compile(r"(?<![\w.])[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?(?![\w.])")
 _WORDS = re.compile(r"[A-Za-z]{3,}(?<!nan)(?<!NaN)(?<!inf)(?<!Inf)")
 # What readers raise at files that they cannot read; scipy and pandas call some kinds "not implemented".
@@ -59,7 +60,7 @@ FORMATS = (
     _Format(
         (".json", ".jsonl"), lambda path, part, csv, where: read_json_table(path, part, where), parts=True
     ),
-    _Format((".yaml", ".yml"), lambda path, part, csv, where: read_yaml_table(path, part, where), parts=True),
+    _Format(YAML_SUFFIXES, lambda path, part, csv, where: read_yaml_table(path, part, where), parts=True),
     _Format((".pt", ".pth"), lambda path, part, csv, where: read_torch_table(path, where), parts=False),
     _Format((".h5", ".hdf5"), lambda path, part, csv, where: read_hdf5_table(path, part, where), parts=True),
 )

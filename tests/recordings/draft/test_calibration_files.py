@@ -56,7 +56,7 @@ def moveit(folder: Path, seen: np.ndarray, hand: np.ndarray) -> Path:
 
 def easy_handeye(folder: Path, seen: np.ndarray, hand: np.ndarray) -> Path:
     samples = [{"robot": _transform(h), "tracking": _transform(s)} for h, s in zip(hand, seen, strict=True)]
-    return _written(folder / "eih_cam1.yaml", yaml.safe_dump({"samples": samples}))
+    return _written(folder / "eih_cam1.samples", yaml.safe_dump({"samples": samples}))
 
 
 def objects_by_name(folder: Path, seen: np.ndarray, hand: np.ndarray) -> Path:
@@ -97,7 +97,7 @@ def test_a_draft_reads_the_poses_and_closes_the_chain(
     assert run(["bag", "draft", str(write(tmp_path, seen, hand)), "--out", str(out)]) == 0
     content = yaml.safe_load(out.read_text())
     asked = content.pop("questions", [])
-    assert not [each for each in asked if "other way round" not in each]
+    assert not [each for each in asked if "other way round" not in each and "eye in hand" not in each]
     assert "camera_arm" in content["poses"] and content["poses"]["at_rest"] is True
     out.write_text(yaml.safe_dump(content))
     (made,) = import_any(out, tmp_path, None).made

@@ -325,6 +325,11 @@ def _asked_of_frames(seen: LoggedTrack, carried: LoggedTrack, arm: str) -> str:
             f"by the order of its frames {names} is taken as inverse: is that so? Without `inverse` the"
             f" camera {other}"
         )
+    if arm == "camera_arm" and "robot" in carried.words and {"tracking", "optical"} & set(seen.words):
+        return (
+            "was the camera on the arm (eye in hand)? Where it stood still, easy_handeye logs the base in the"
+            " flange: then write `tool_arm` for `camera_arm`, with `inverse: true` of its flange"
+        )
     return (
         "are these the target in the camera and the flange in its base? If either is given the other way"
         f" round (set `inverse: true`), the camera {other}"

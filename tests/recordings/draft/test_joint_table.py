@@ -127,3 +127,12 @@ def test_torques_beside_a_board_are_joints_of_a_machine(tmp_path: Path) -> None:
     }
     with pytest.raises(InputError, match="joints need 50"):
         described(write(tmp_path / "log.csv", columns))
+
+
+def test_an_arms_own_pose_beside_its_joints_is_no_target(tmp_path: Path) -> None:
+    """It closes a chain, too: of a camera that stands where the base is."""
+    angles, _ = views()
+    flanges, _, _ = RigidArm(ArmDescription("arm", JOINTS, URDF, None, None)).kinematics(angles)
+    numbered = {f"q{k + 1}_rad": angles[:, k] for k in range(len(JOINTS))}
+    with pytest.raises(InputError, match="joints need 50"):
+        described(write(tmp_path / "log.csv", quaternions(numbered, flanges @ CAMERA)))

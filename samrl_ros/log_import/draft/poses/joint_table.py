@@ -17,6 +17,7 @@ import numpy as np
 
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.nominal_model.read_model import read_model
+from samrl_core.diagnosis.residuals.poses.solve import solved
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.joints.position_columns import (
     JointColumns,
@@ -52,13 +53,16 @@ from samrl_ros.recordings.read import moving_joints
 
 SOURCE = "log"
 ARMS = {"camera_arm": "the arm carries the camera", "tool_arm": "the camera stands still"}
+ROWS_OF_JOINTS = 50  # from which on they are drafted as a machine's
+AT_BASE_M, AT_BASE_RAD = 0.02, 0.05  # from an arm's base, that no camera is
 LEAST_JOINTS = 3  # numbered columns beside a target that are taken for an arm's without its description
 
 
 def draft_joint_table(tables: Sequence[LoggedTable], urdf: str, urdf_file: str) -> Draft | None:
     """A draft of files with one target's poses and an arm's joints in the same rows; None of any other log.
 
-    With torques beside them joints say more by themselves, and two poses need no joints.
+    With torques beside them joints say more by themselves, and two poses need no joints. A pose that the
+    joints give in their own base is a tool's, and many rows that close no chain are of a machine.
 
     Args:
         tables: of the log; several of the same columns are runs of one chain, the last of which is held out.
@@ -83,11 +87,14 @@ def draft_joint_table(tables: Sequence[LoggedTable], urdf: str, urdf_file: str) 
         columns: _list(seen, entry, columns, urdf_file, time, at_rest, draft) for columns in sets
     }  # by identity
     closed = close_descriptions([one for ways in listed.values() for one in ways])
-    if not closed:
+    many = len(time) >= ROWS_OF_JOINTS
+    if not closed and not many:
         raise InputError(
             f"{seen.name}: the target's poses and the joints {sets[0].names} cannot be compared by"
             f" {urdf_file}; write the mapping by hand"
         )
+    if not closed or _is_of_the_arm(closed[0]) or (many and closed[0].closes_m > CLOSES_M):
+        return None  # joints of a machine, beside its own pose or something that it does not move
     columns_of = {id(one.poses): columns for columns, ways in listed.items() for one in ways}
     _take(closed, [columns_of[id(one.poses)] for one in closed], seen, joints, draft)
     draft.unused += [f"{each.path.name}: no pose" for each in tables if each not in posed]
@@ -135,6 +142,14 @@ def _target(each: LoggedTable) -> LoggedTrack | None:
     if each.part or len(placed) != 1 or side_of(placed[0]) < 0 or has_torques(each.table):
         return None
     return placed[0]
+
+
+def _is_of_the_arm(best: Description) -> bool:
+    """Whether a still camera would be the arm's base, up to a turn about z: forward kinematics, no view."""
+    if best.arm != "tool_arm" or best.closes_m > CLOSES_M:
+        return False
+    camera = solved([best.recording])[0].camera
+    return bool(np.linalg.norm(camera[:3, 3]) < AT_BASE_M and camera[2, 2] > np.cos(AT_BASE_RAD))
 
 
 def _list(

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from samrl_core.cell.types.arm_recording import ArmRecording
+from samrl_core.cell.types.arm_description import ArmDescription
+from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
-from samrl_core.diagnosis.kinds.arms import Arms
+from samrl_core.diagnosis.effects.effect import lacks_drive_torque
+from samrl_core.diagnosis.kinds.arms import Arms, arm_trials
 from samrl_core.diagnosis.residuals.signals.signal_noise import follows
 from samrl_ros.log_import.draft.guess import Effort
 from samrl_ros.log_import.foreign import read_runs
@@ -100,3 +102,17 @@ def test_a_recording_that_moves_too_fast_is_left_out(tmp_path: Path) -> None:
     assert diagnosis.verdict == "no_gap" and any("fast is left out" in note for note in diagnosis.notes)
     diagnosis, _ = diagnose([fast], [told], LIBRARY)
     assert diagnosis.verdict == "not_testable" and "moves faster" in diagnosis.reasons[0]
+
+
+def test_torques_that_no_slow_log_can_use_are_said_to_be_unused() -> None:
+    """Beside a command the log was testable, and its efforts were called missing."""
+    time = np.arange(0.0, 30.0, 1.0 / RATE_HZ)
+    wave = np.sin(2 * np.pi * 4.0 * time)[:, None]
+    states, command = (JointSignal(time, x, None, None, None) for x in (wave, 1.01 * wave))
+    arm = ArmDescription("tool_arm", ("q1",), URDF, None)
+    sent = JointSignal(time, None, None, None, wave)
+    (trial,), _ = arm_trials([ArmRecording("fast", "made here", "", arm, states, command, sent)], [])
+    assert trial.channels == ("tracking",)
+    assert "moves faster than that tells" in str(lacks_drive_torque(trial))
+    (note,) = Arms().notes([trial])
+    assert note.startswith("the recorded torques are not used: ") and "log at 60 Hz or more" in note

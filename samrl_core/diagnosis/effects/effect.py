@@ -10,6 +10,7 @@ from typing_extensions import TypeVar
 
 from samrl_core.diagnosis.effects.form import Form, Place
 from samrl_core.diagnosis.residuals.observed import Observed
+from samrl_core.diagnosis.residuals.signals.signal_noise import FAST_HZ
 from samrl_core.diagnosis.residuals.trial import Trial
 
 T = TypeVar("T", bound=Observed, default=Trial)  # what kind of recording shows it; an arm's unless stated
@@ -83,12 +84,23 @@ class Effect(ABC, Generic[T]):
 def lacks_link_torque(trial: Trial) -> str | None:
     """Why a recording cannot show what acts behind the torque sensors; None if it can."""
     if trial.rigid is None or not ({"link", "dynamics"} & set(trial.channels)):
-        return "needs a torque and a dynamic model"
+        return too_slow_for_torques(trial) or "needs a torque and a dynamic model"
     return None
 
 
 def lacks_drive_torque(trial: Trial) -> str | None:
     """Why a recording cannot show torque that is lost in the drives; None if it can."""
     if not ({"drive", "dynamics"} & set(trial.channels)):
-        return "needs the commanded effort and a dynamic model"
+        return too_slow_for_torques(trial) or "needs the commanded effort and a dynamic model"
     return None
+
+
+def too_slow_for_torques(trial: Trial) -> str:
+    """Why torques were recorded, and are compared with nothing; empty where they are, or there are none."""
+    motion = trial.motion
+    if trial.rigid is None or motion.dynamic or not motion.has_torque:
+        return ""
+    return (
+        f"{trial.recording.name} has {motion.rate:.3g} Hz and moves faster than that tells, so its"
+        f" accelerations are not known: log at {FAST_HZ:.0f} Hz or more, or move slower"
+    )

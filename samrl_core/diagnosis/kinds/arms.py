@@ -10,6 +10,7 @@ from samrl_core.cell.types.arm_description import HELD
 from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.effects import EFFECTS, NOT_BY_JOINTS
+from samrl_core.diagnosis.effects.effect import too_slow_for_torques
 from samrl_core.diagnosis.export.correction import Correction
 from samrl_core.diagnosis.findings.curves import curve_of
 from samrl_core.diagnosis.findings.joint_units import with_joint_units
@@ -97,11 +98,8 @@ class Arms(Kind[ArmRecording]):
     def why_nothing(self, trials: Sequence[Observed]) -> str:
         for trial in as_arms(trials):
             motion = trial.motion
-            if trial.rigid is not None and not motion.dynamic and motion.has_torque:
-                return (
-                    f"{trial.recording.name} has {motion.rate:.3g} Hz and moves faster than that tells, so"
-                    f" its accelerations are not known: log at {FAST_HZ:.0f} Hz or more, or move slower"
-                )
+            if slow := too_slow_for_torques(trial):
+                return slow
             if trial.rigid is None and motion.has_torque:
                 return (
                     f"{trial.recording.name} holds torques, but no description of the arm to compare them"
@@ -127,7 +125,9 @@ class Arms(Kind[ArmRecording]):
 
     def notes(self, trials: Sequence[Observed]) -> list[str]:
         first = as_arms(trials)[0]
-        return [*_filter_notes(first), *_speed_notes(first), *_goal_notes(first)]
+        slow = too_slow_for_torques(first)
+        unused = [f"the recorded torques are not used: {slow}"] if slow else []
+        return [*unused, *_filter_notes(first), *_speed_notes(first), *_goal_notes(first)]
 
     def misdescription(self, trials: Sequence[Observed]) -> WrongDescription | None:
         return find_exceeded_limits(as_arms(trials)) or misdescription(as_arms(trials))

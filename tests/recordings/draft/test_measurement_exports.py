@@ -160,3 +160,10 @@ def test_a_folder_says_why_none_of_its_logs_is_read(tmp_path: Path) -> None:
         (tmp_path / name).write_text("t,q\n1,2\n")
     with pytest.raises(InputError, match=r"none of the folder's 2 logs can be read; a\.csv: .*1 rows"):
         draft_any([tmp_path], None, None)
+
+
+def test_torques_in_per_cent_are_asked_for_their_rated_one(tmp_path: Path) -> None:
+    rows = [f"{t:.3f},{q:.6f},{50 * q:.3f}" for t, q in zip(TIME, np.sin(TIME), strict=True)]
+    (tmp_path / "run.csv").write_text("\n".join(["t,ActPos [rad],ActTorque [%]", *rows]) + "\n")
+    draft = draft_any([tmp_path / "run.csv"], None, None)
+    assert any("in per cent of what?" in question for question in draft.questions)

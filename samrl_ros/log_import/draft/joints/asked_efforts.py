@@ -37,6 +37,8 @@ def asked_of_effort(effort: NamedBlock, position: NamedBlock, may_be_currents: b
         " torque of a sensor behind the gears (--effort link), or a motor's current (multiply it by its"
         " torque constant and gear ratio in the mapping; --effort none leaves it out)"
     )
+    if "%" in effort.block.stem:
+        question += "; in per cent of what? Multiply by a hundredth of each drive's rated torque or force"
     if may_be_currents:
         question += f"; {CURRENTS_OF_UR}"
     if _lies_on(effort, position):

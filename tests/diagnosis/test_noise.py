@@ -17,6 +17,7 @@ from samrl_core.diagnosis.residuals.motion import RecordedMotion
 from samrl_core.diagnosis.residuals.signals.noise_color import NoiseColor
 from samrl_core.diagnosis.residuals.signals.signal_noise import (
     highest_sure_frequency,
+    is_difference,
     white_noise,
     without_differences,
 )
@@ -120,6 +121,15 @@ def test_a_difference_that_looks_back_is_no_reading() -> None:
     own = real.velocity + np.random.default_rng(4).normal(0.0, 0.02, real.velocity.shape)
     measured = JointSignal(stamps[kept], real.position[kept], own[kept], None, None)
     assert without_differences(measured) is measured
+
+
+@pytest.mark.parametrize("central", [True, False])
+def test_a_commands_speed_that_looks_back_is_the_one_that_is_fed(central: bool) -> None:
+    states = recording(100.0, 1.0, True).states
+    assert states.position is not None
+    q, time = states.position, states.time
+    speed = np.gradient(q, time, axis=0) if central else np.diff(q, axis=0, prepend=q[:1]) * 100.0
+    assert is_difference(JointSignal(time, q, speed, None, None)) == central
 
 
 @pytest.mark.slow

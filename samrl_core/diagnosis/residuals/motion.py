@@ -21,6 +21,7 @@ from samrl_core.diagnosis.residuals.signals.signal_band import SignalBand, held_
 from samrl_core.diagnosis.residuals.signals.signal_noise import (
     Noise,
     Reading,
+    is_difference,
     is_fast,
     noise_behind,
     quantum,
@@ -121,7 +122,7 @@ class RecordedMotion(SignalBand):
         if command is None or len(command) < 2:
             return None
         speed = command.velocity
-        somebodys = speed is not None and without_differences(command).velocity is None
+        somebodys = is_difference(command)
         if somebodys or infers_speed(self.recording):
             assert command.position is not None
             # Differences over jittered stamps are off by as much as those steps are.

@@ -57,19 +57,25 @@ def without_differences(states: JointSignal) -> JointSignal:
     Its noise is that of the positions, and rises with frequency where a tachometer's is white. What a driver
     makes of its last two readings is half a period late as well: of a log at 100 Hz, 5 ms.
     """
-    if states.position is None or states.velocity is None or len(states) < 3:
-        return states
-    difference = np.gradient(states.position, states.time, axis=0) - states.velocity
-    same = np.abs(difference).max() <= DIFFERENCED * np.abs(states.velocity).max()
-    return replace(states, velocity=None) if same or _looks_back(states) else states
+    return replace(states, velocity=None) if is_difference(states) or _looks_back(states) else states
+
+
+def is_difference(logged: JointSignal) -> bool:
+    """Whether all speeds of states or of a command are central differences of the logged positions."""
+    if logged.position is None or logged.velocity is None or len(logged) < 3:
+        return False
+    apart = np.gradient(logged.position, logged.time, axis=0) - logged.velocity
+    return bool(np.abs(apart).max() <= DIFFERENCED * np.abs(logged.velocity).max())
 
 
 def _looks_back(states: JointSignal) -> bool:
     """Whether most speeds are what the last two logged readings make, by their stamps or the driver's period.
 
-    Behind a lost row they are not: the reading before it is not in the log.
+    Behind a lost row they are not: the reading before it is not in the log. Of a command no such question
+    arises: a controller that is fed a speed that looks back is fed that speed.
     """
-    assert states.position is not None and states.velocity is not None
+    if states.position is None or states.velocity is None or len(states) < 3:
+        return False
     steps, moved = np.diff(states.time)[:, None], np.diff(states.position, axis=0)
     speed, largest = states.velocity[1:], np.abs(states.velocity).max(axis=0)
     off = np.minimum(np.abs(moved / steps - speed), np.abs(moved / np.median(steps) - speed))

@@ -1,4 +1,4 @@
-"""The search among sets of effects: best singles, an onset, one effect more, exchanges, rivals."""
+"""The search among sets of effects: best singles, one effect more, exchanges, rivals."""
 
 from __future__ import annotations
 
@@ -9,12 +9,10 @@ import numpy as np
 
 from samrl_core.diagnosis.selection.cancellation import undo_each_other
 from samrl_core.diagnosis.selection.hypothesis import (
-    ONSET,
     Evidence,
     Fit,
     Hypothesis,
     all_on_bound,
-    hypothesis,
     is_there,
     on_bound,
 )
@@ -25,8 +23,6 @@ SEARCHES = 5  # of a family's shapes, at most, each from where the last one ende
 SHAPES_TRIED = 30  # by each of them; half as many where a family is far behind
 HARDLY_MORE = 0.02  # of the evidence
 ADDITIONS = 6  # further effects that are refined and scored
-ONSETS = 17  # times that are tried first
-CANDIDATES_FOR_ONSET = 12  # best singles that may have been switched on
 
 
 def best_singles(evidence: Evidence, pool: Sequence[Hypothesis], everywhere: bool = True) -> list[Fit]:
@@ -127,50 +123,6 @@ def _inside_first(
         if not bounds(fit.hypotheses[index]):
             return [fit, *fits[k + 1 :]]
     return fits
-
-
-def find_onset(evidence: Evidence, pool: Sequence[Hypothesis], singles: Sequence[Fit]) -> Fit | None:
-    """The best single effect that begins within the recordings, at one time after each one's start.
-
-    `pool` holds all forms: the best one of what acts throughout need not be that of what begins.
-    """
-    shortest = min(t.duration for t in evidence.likelihood.trials)
-    best: Fit | None = None
-
-    def attempt(h: Hypothesis, onset: float) -> Fit | None:
-        shape = {**h.shape, ONSET: onset}
-        later = hypothesis(evidence.likelihood, h.effect, h.form, shape)
-        return None if later is None else evidence.fit([replace(later, tried=h.tried * ONSETS)])
-
-    first = singles[0].hypotheses[0].place
-    there = [f for f in singles[CANDIDATES_FOR_ONSET:] if f.hypotheses[0].place == first]
-    for fit in [*singles[:CANDIDATES_FOR_ONSET], *there]:
-        for onset in np.linspace(0.1, 0.9, ONSETS) * shortest:
-            found = attempt(fit.hypotheses[0], float(onset))
-            if found is not None and (best is None or found.log_evidence > best.log_evidence):
-                best = found
-    if best is None:
-        return None
-    best = _closest_onset(attempt, best, 0.4 * shortest / ONSETS)
-    first = best.hypotheses[0]
-    others = [attempt(h, first.shape[ONSET]) for h in pool if h.name == first.name]
-    better = max((f for f in others if f is not None), key=lambda f: f.log_evidence, default=best)
-    if better.log_evidence > best.log_evidence:
-        best = _closest_onset(attempt, evidence.refine(better, 0), 0.4 * shortest / ONSETS)
-    return evidence.refine(best, 0)
-
-
-def _closest_onset(attempt: Callable[[Hypothesis, float], Fit | None], best: Fit, step: float) -> Fit:
-    """The fit with its onset moved by steps [s], halved until they are short, as long as that helps."""
-    while step > 0.02:
-        h = best.hypotheses[0]
-        around = [attempt(h, h.shape[ONSET] + d) for d in (-step, step)]
-        better = max((f for f in around if f is not None), key=lambda f: f.log_evidence, default=None)
-        if better is not None and better.log_evidence > best.log_evidence:
-            best = better
-        else:
-            step /= 2.0
-    return best
 
 
 def find_extensions(evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit) -> list[Fit]:

@@ -18,11 +18,11 @@ from samrl_core.diagnosis.selection.contenders import NEXT, Contender, contend, 
 from samrl_core.diagnosis.selection.form_that_moves import with_form_that_moves
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, Hypothesis, hypothesis, on_bound
 from samrl_core.diagnosis.selection.null_simulations import simulate_null_evidence, threshold
+from samrl_core.diagnosis.selection.onset_search import find_onset
 from samrl_core.diagnosis.selection.other_starts import STARTS, in_plain_terms, simplest
 from samrl_core.diagnosis.selection.search import (
     best_singles,
     find_extensions,
-    find_onset,
     find_rivals,
     swap_members,
 )
@@ -146,10 +146,10 @@ def select(
     singles = [chosen, *(f for f in singles if f.hypotheses[0].name != chosen.hypotheses[0].name)]
     progress("looking for an onset")
     left = likelihood.deficit(evidence.remainder(chosen), k) / max(excess, chosen.log_evidence, 1e-9)
-    if left > settings.onset_remainder and (switched := find_onset(evidence, pool, singles)) is not None:
-        # Also more than what the motion put behind another: that may be the same effect, there all along.
-        if switched.log_evidence > most + settings.second_threshold:
-            firsts = [switched, *firsts]
+    begun = find_onset(evidence, pool, singles, excess) if left > settings.onset_remainder else []
+    # Also more than what the motion put behind another: that may be the same effect, there all along.
+    if begun and max(f.log_evidence for f in begun) > most + settings.second_threshold:
+        firsts = [*begun, *firsts]
 
     def grown(first: Fit) -> Selection:
         found = _grow(evidence, held_out, pool, first, singles, settings, progress)

@@ -17,7 +17,8 @@ from samrl_core.diagnosis.effects.friction.position_dependent_friction import OV
 from samrl_core.diagnosis.residuals.basis_functions import half_speed, power_sign
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.selection.hypothesis import ONSET, Evidence, Fit, on_bound
-from samrl_core.diagnosis.selection.search import best_singles, find_onset
+from samrl_core.diagnosis.selection.onset_search import find_onset
+from samrl_core.diagnosis.selection.search import best_singles
 from tests.diagnosis import worlds
 from tests.diagnosis.controllers.kinds import VOLTAGE_MOTOR
 from tests.diagnosis.controllers.machines import Differs
@@ -139,12 +140,28 @@ def test_what_begins_is_searched_in_all_its_forms() -> None:
     evidence = Evidence(likelihood, likelihood.correlation_time(likelihood.y) ** 0.5)
     pool = [h for h in evidence.screen(library(["coulomb_friction"])) if h.place == PLACE.name]
     stiff = max((evidence.fit([h]) for h in pool if "xs" in h.shape), key=lambda f: f.log_evidence)
-    found = find_onset(evidence, pool, [stiff])
-    assert found is not None
+    (found,) = find_onset(evidence, pool, [stiff], stiff.log_evidence)
     first = found.hypotheses[0]
     assert "xs" not in first.shape and not on_bound(first)
     assert first.shape[ONSET] == pytest.approx(onset, abs=0.1)
     assert found.amplitudes[0][0] == pytest.approx(0.8, rel=0.06)
+
+
+def test_coulomb_friction_that_begins_goes_before_a_drop_that_mends_its_sign() -> None:
+    """A sealed world's was Stribeck friction without a drop, on the bound of its search, and was refused."""
+    onset, law = 3.1, lambda q, v: 0.8 * np.tanh(v / 0.008)
+    a, b, _ = worlds.world(1)
+    likelihood = Likelihood(worlds.trials([begun(r, law, onset) for r in (a, b)]))
+    evidence = Evidence(likelihood, likelihood.correlation_time(likelihood.y) ** 0.5)
+    families = library(["coulomb_friction", "stribeck_friction"])
+    pool = [h for h in evidence.screen(families) if h.place == PLACE.name]
+    falling = max(
+        (evidence.fit([h]) for h in pool if h.effect.family == "stribeck_friction"),
+        key=lambda f: f.log_evidence,
+    )
+    tried = find_onset(evidence, pool, [falling], falling.log_evidence)
+    assert [f.hypotheses[0].effect.family for f in tried] == ["coulomb_friction", "stribeck_friction"]
+    assert tried[0].hypotheses[0].shape[ONSET] == pytest.approx(onset, abs=0.1)
 
 
 def test_a_rate_limit_that_takes_nearly_all_torque_is_none() -> None:

@@ -89,6 +89,8 @@ def meaning(name: str) -> NameMeaning:
     quantities = [_QUANTITY_OF[word] for word in words if word in _QUANTITY_OF]
     if "qd" in words and {"actual", "target"} & set(words):  # UR's RTDE; alone it may be a desired position
         quantities.append("velocity")
+    if "eff" in words and "end" not in words:  # ros2_control's third beside pos and vel; no end effector
+        quantities.append("effort")
     # The last word that names something other than an angle: `joint_position_velocity` does not occur.
     quantity = next((q for q in reversed(quantities) if q != "position"), quantities[0] if quantities else "")
     if quantity == "position" and (dot := next((word for word in words if word in _RATES), "")):

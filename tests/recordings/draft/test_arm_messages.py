@@ -137,6 +137,8 @@ def test_arrays_go_from_the_base_to_the_flange_and_leave_fingers_out() -> None:
         ("tau_ext_hat_filtered{}", "effort", True),
         ("external_torque", "effort", True),
         ("tau{}", "effort", False),
+        ("{}_eff", "effort", False),
+        ("end_eff_pos_x", "position", False),
     ],
 )
 def test_what_names_say_of_rates_and_shares(name: str, quantity: str, computed: bool) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -133,6 +134,11 @@ class LoggedTable:
 
     def tracks(self) -> list[LoggedTrack]:
         """Its poses and positions; of a topic the one that was seen most often."""
+        return list(self._tracks)
+
+    @cached_property
+    def _tracks(self) -> list[LoggedTrack]:
+        # Once: zeros that a tracker wrote for lost frames are empty from then on, and would not be counted.
         moved = [track for track in find_positions(self.table) if not _counts_rows(self.table, track)]
         found = _without_commands(moved)
         if self.part:

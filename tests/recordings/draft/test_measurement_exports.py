@@ -158,7 +158,9 @@ def test_joints_have_the_names_that_stand_beside_them(tmp_path: Path) -> None:
 def test_a_folder_says_why_none_of_its_logs_is_read(tmp_path: Path) -> None:
     for name in ("a.csv", "b.csv"):
         (tmp_path / name).write_text("t,q\n1,2\n")
-    with pytest.raises(InputError, match=r"none of the folder's 2 logs can be read; a\.csv: .*1 rows"):
+    with pytest.raises(
+        InputError, match=r"none of the folder's 2 files can be read as a log; a\.csv: .*1 rows"
+    ):
         draft_any([tmp_path], None, None)
 
 

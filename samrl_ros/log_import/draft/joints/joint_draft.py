@@ -66,7 +66,7 @@ from samrl_ros.log_import.draft.joints.whole_turns import (
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics, read_text_topic
 from samrl_ros.recordings.read import chained_joints, moving_joints
 
-_NAMED = 4  # of columns that may be meant instead, in a question
+_NAMED = 4  # of columns that may be meant instead, in a question; of files, in a refusal
 _RTDE = ("actual_q_{}", "target_q_{}")  # Universal Robots, Real-Time Data Exchange guide
 _COUNTED = frozenset("counts count encoder enc tick ticks".split())
 _FULL_TURNS = 4 * np.pi  # [rad] more than a joint of an arm turns: degrees
@@ -106,7 +106,8 @@ def draft_mapping(
                 raise
             draft.unused.append(f"{file.name}: {error}")
     if searched and not parts:
-        raise InputError(f"none of the folder's {len(files)} logs can be read; {draft.unused[0]}")
+        told = [f"none of the folder's {len(files)} files can be read as a log", *draft.unused[:_NAMED]]
+        raise InputError("; ".join(told))
     runs = runs_alike(parts)
     if runs:
         parts = [part for part in parts if part.path == runs[0].path]

@@ -9,17 +9,17 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from samrl_core.common.errors import InputError
 from samrl_ros.log_import.formats.encoding import decoded_text
-from samrl_ros.log_import.formats.text import read_known_export
+from samrl_ros.log_import.formats.text import is_known_export
 from samrl_ros.log_import.specs import CsvOptions
 from samrl_ros.log_import.tables import is_text_table
 
 _HEAD = 60  # lines that are looked at
-_EXPORT_HEAD = 240  # of an export, whose own header may be long
 _COMMENTS = ("#", "%", "//")
 _DELIMITERS = (",", ";", "\t", " ")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf)", re.IGNORECASE)
@@ -38,12 +38,12 @@ def text_options(path: Path) -> CsvOptions:
         return CsvOptions()
     try:
         stream = io.StringIO(decoded_text(path), newline="")
-        text = list(stream)
+        text = list(islice(stream, _HEAD))
     except (OSError, ValueError) as error:
         raise InputError(f"{path} cannot be read as text: {error}") from error
-    if read_known_export(path, text[:_EXPORT_HEAD]) is not None:
+    if is_known_export(path, text):
         return CsvOptions()
-    lines = [line.rstrip("\r\n") for line in text[:_HEAD]]
+    lines = [line.rstrip("\r\n") for line in text]
     tab = path.suffix.lower() == ".tsv"
     try:
         return _options(lines, tab) or CsvOptions()

@@ -10,7 +10,7 @@ column's name, `Rotor Angle [deg]`.
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -36,14 +36,24 @@ def read_measurement_export(path: Path, lines: Sequence[str]) -> Table | None:
     Raises:
         InputError: an export that contradicts itself, or whose clocks differ.
     """
+    read = _reader_of(lines)
+    return None if read is None else read(path, lines)
+
+
+def is_measurement_export(lines: Sequence[str]) -> bool:
+    """Whether a text that begins with these lines is one; nothing is read."""
+    return _reader_of(lines) is not None
+
+
+def _reader_of(lines: Sequence[str]) -> Callable[[Path, Sequence[str]], Table] | None:
     first = lines[0].strip().lstrip("\ufeff") if lines else ""
     if first.startswith("LabVIEW Measurement"):
-        return _read_labview(path, lines)
+        return _read_labview
     if first.startswith(("#group,", "#datatype,", "#default,")):
-        return _read_influx(path, lines)
+        return _read_influx
     head = [line.strip() for line in lines[:_SCOPE_HEAD]]
     if first.startswith("Name") and any(line.startswith(_SCOPE_ROWS) for line in head):
-        return _read_scope(path, lines)
+        return _read_scope
     return None
 
 
@@ -51,8 +61,8 @@ def _read_labview(path: Path, lines: Sequence[str]) -> Table:
     """All segments below each other; a clock that starts anew with each is for the mapping to part."""
     ends = [k for k, line in enumerate(lines) if line.startswith(_END)]
     about = _keys(lines[1 : ends[0]], "\t") if ends else {}
-    if len(ends) < 2:
-        raise InputError(f"{path.name} lacks {_END!r} twice, so it holds no table; export it anew")
+    if len(ends) < 2 or ends[-1] + 1 == len(lines):
+        raise InputError(f"{path.name} ends within its headers, so it holds no table; export it anew")
     between = "," if about.get("Separator", ["Tab"])[0] == "Comma" else "\t"
     decimal = about.get("Decimal_Separator", ["."])[0]
     kind = about.get("X_Columns", ["One"])[0]

@@ -13,7 +13,7 @@ import pandas as pd
 
 from samrl_core.common.errors import InputError
 from samrl_ros.log_import.formats.encoding import decoded_text
-from samrl_ros.log_import.formats.measurement_exports import read_measurement_export
+from samrl_ros.log_import.formats.measurement_exports import is_measurement_export, read_measurement_export
 from samrl_ros.log_import.formats.motion_capture import read_motion_capture
 from samrl_ros.log_import.specs import CsvOptions
 from samrl_ros.log_import.table import Table
@@ -40,7 +40,7 @@ def read_text_table(path: Path, part: str, options: CsvOptions, where: str) -> T
     if how["sep"] == " ":
         how["sep"] = r"\s+"
     lines = list(io.StringIO(decoded_text(path), newline=""))
-    if options == CsvOptions() and (known := read_known_export(path, lines)) is not None:
+    if options == CsvOptions() and (known := _read_known_export(path, lines)) is not None:
         return known
     text = "".join(
         line
@@ -83,12 +83,12 @@ def read_text_table(path: Path, part: str, options: CsvOptions, where: str) -> T
     return Table(path, columns, options.decimal)
 
 
-def read_known_export(path: Path, lines: Sequence[str]) -> Table | None:
-    """The table of a text that says itself how it is laid out; None of any other.
+def is_known_export(path: Path, lines: Sequence[str]) -> bool:
+    """Whether a text that begins with these lines says itself how it is laid out."""
+    return read_motion_capture(path, lines) is not None or is_measurement_export(lines)
 
-    Raises:
-        InputError: an export that contradicts itself.
-    """
+
+def _read_known_export(path: Path, lines: Sequence[str]) -> Table | None:
     captured = read_motion_capture(path, lines)
     return captured if captured is not None else read_measurement_export(path, lines)
 

@@ -60,6 +60,16 @@ def test_segments_of_other_channels_are_refused(tmp_path: Path) -> None:
         table_of(tmp_path / "run.lvm", text)
 
 
+@pytest.mark.parametrize("kept", range(30))
+def test_a_measurement_that_ends_anywhere_is_refused_in_words(tmp_path: Path, kept: int) -> None:
+    """Behind its second header there was no line to read: a traceback of the draft."""
+    lines = labview("One", ["0,000\t0,1\t0,2"]).splitlines(keepends=True)
+    path = tmp_path / "run.lvm"
+    path.write_text("".join(lines[:kept]))
+    with pytest.raises(InputError):
+        draft_any([path], None, None)
+
+
 @pytest.mark.parametrize("numbered", [False, True])
 def test_each_channel_of_a_scope_has_its_time_beside_it(tmp_path: Path, numbered: bool) -> None:
     """Times are ms, or numbers of samples; a channel at another rate is left out and noted."""

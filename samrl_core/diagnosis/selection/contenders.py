@@ -77,10 +77,11 @@ def _ranked(evidence: Evidence, within: list[Contender], singles: Sequence[Fit])
         return within or [Contender(singles[0], 1.0)]
     lefts = motion_left(evidence.likelihood.trials, [c.fit for c in within])
     within = [Contender(c.fit, c.equation_left, m) for c, m in zip(within, lefts, strict=True)]
+    within = in_order(within)
     inside = [c for c in within if not c.on_bound]
     if not inside:
         return within
-    first, *others = plain_first(inside)
+    first, *others = inside
     better = [c for c in others if c.left < CLEARLY * first.left]
     rest = [c for c in others if c not in better]
     ranked = [*sorted(better, key=lambda c: c.left), first, *sorted(rest, key=lambda c: c.left)]
@@ -105,6 +106,12 @@ def denied_by_motion(contenders: Sequence[Contender]) -> frozenset[str]:
             or (c.motion_left > NO_LIMIT and confirmed and _is_limit(c.fit))
         )
     )
+
+
+def in_order(contenders: Sequence[Contender]) -> list[Contender]:
+    """Those inside the bounds of their search before the others, and of them a plain family first."""
+    inside = [c for c in contenders if not c.on_bound]
+    return [*plain_first(inside), *(c for c in contenders if c.on_bound)] if inside else list(contenders)
 
 
 def plain_first(contenders: Sequence[Contender]) -> list[Contender]:

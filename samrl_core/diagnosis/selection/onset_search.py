@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from samrl_core.diagnosis.selection.contenders import Contender, plain_first
+from samrl_core.diagnosis.selection.contenders import Contender, in_order
 from samrl_core.diagnosis.selection.hypothesis import ONSET, Evidence, Fit, Hypothesis, hypothesis
 
 ONSETS = 17  # times that are tried first
@@ -64,9 +64,7 @@ def find_onset(
     both = [
         Contender(f, evidence.likelihood.deficit(evidence.remainder(f), k) / whole) for f in (best, plain)
     ]
-    if both[0].on_bound and not both[1].on_bound:
-        return [plain, best]
-    return [c.fit for c in plain_first(both)]
+    return [c.fit for c in in_order(both)]
 
 
 def _best(fits: Iterable[Fit | None]) -> Fit | None:

@@ -14,7 +14,7 @@ from samrl_core.common.errors import InputError
 from samrl_core.common.names import known_are
 from samrl_core.common.version import samrl_version
 from samrl_core.diagnosis.effects import FAMILIES, Effect
-from samrl_core.diagnosis.findings.onset import began_in, find_onsets
+from samrl_core.diagnosis.findings.onset import began_in, find_onsets, say_when_others_began
 from samrl_core.diagnosis.findings.signature import couplings, signatures
 from samrl_core.diagnosis.findings.tracking import track
 from samrl_core.diagnosis.findings.where import heatmap, tile_gaps, timelines
@@ -37,7 +37,8 @@ from samrl_core.diagnosis.result import (
 )
 from samrl_core.diagnosis.selection.description import WrongDescription
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
-from samrl_core.diagnosis.selection.selection import Selection, SelectionSettings, select
+from samrl_core.diagnosis.selection.selection import Selection, select
+from samrl_core.diagnosis.selection.settings import SelectionSettings
 from samrl_core.diagnosis.verdict import rules
 from samrl_core.diagnosis.verdict.how_far import HowFar
 from samrl_core.diagnosis.verdict.judge import Judge
@@ -257,6 +258,8 @@ def _conclude(
         sooner = kind.show_sooner(evidence, selection.pool, needed)
         outcome = replace(outcome, reasons=(*outcome.reasons, *sooner))
     effects = named if outcome.verdict in NAMING else ()
+    if effects and chosen is not None:
+        outcome = replace(outcome, reasons=(*outcome.reasons, *say_when_others_began(chosen)))
     tracked, untracked = _track_unnamed(case, evidence, chosen, effects)
     diagnosis = replace(
         case.unjudged(),

@@ -45,6 +45,15 @@ def find_onsets(likelihood: Likelihood, fit: Fit, correlation: float) -> list[fl
     return [_onset(likelihood, mine, rest, r, correlation) for r in range(len(likelihood.trials))]
 
 
+def say_when_others_began(fit: Fit) -> tuple[str, ...]:
+    """When further effects of a fit were switched on, in words; empty where all were there all along."""
+    return tuple(
+        f"{h.name} begins {h.shape[ONSET]:.2f} s after the start of each fitted recording"
+        for h in fit.hypotheses[1:]
+        if ONSET in h.shape
+    )
+
+
 def began_in(fit: Fit, onsets: Sequence[float | None]) -> dict[Block, float]:
     """When the first effect of a fit began in each block in which it acts [s]; `onsets` per recording."""
     blocks = fit.hypotheses[0].regressors.blocks

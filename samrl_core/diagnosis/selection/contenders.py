@@ -16,8 +16,7 @@ import numpy as np
 
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, on_bound
-from samrl_core.diagnosis.selection.resimulation import begins, gap, plant_of, resimulable, resimulate
-from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
+from samrl_core.diagnosis.selection.resimulation import gap, over_time, plant_of, resimulable, resimulate
 
 LEAST_EVIDENCE = 0.2  # of the best one's: below it a candidate is out of reach
 REACH = 2.0  # times the share of the equation that the best leaves, likewise
@@ -117,12 +116,13 @@ def in_order(contenders: Sequence[Contender]) -> list[Contender]:
 def plain_first(contenders: Sequence[Contender]) -> list[Contender]:
     """The same with a family in front of the first one that contains it, where its further term only mends.
 
-    A Stribeck drop that takes a little off what Coulomb friction leaves is the shape of the sign.
+    A Stribeck drop that takes a little off what Coulomb friction leaves is the shape of the sign. Of sets
+    the last member is compared; the others are the same.
     """
     first = contenders[0]
-    mine = first.fit.hypotheses[0]
+    mine = first.fit.hypotheses[-1]
     for c in contenders[1:]:
-        h = c.fit.hypotheses[0]
+        h = c.fit.hypotheses[-1]
         if h.place != mine.place or h.effect.family not in mine.effect.contains:
             continue
         if c.equation_left < first.equation_left + MENDED and first.equation_left > 0.5 * c.equation_left:
@@ -136,24 +136,21 @@ def motion_left(trials: Sequence[Observed], fits: Sequence[Fit]) -> list[float |
     arms = [t for t in trials if resimulable(t)]
     if not trials or len(arms) < len(trials):
         return out
-    plants = {str(k): p for k, fit in enumerate(fits) if (p := plant_of(arms[0], fit)) is not None}
-    if not plants:
-        return out
     used, seconds = [], 0.0
     for trial in arms:
         seconds += trial.duration
         if used and seconds > SIMULATED_S:
             break
         used.append(trial)
-    onsets = {begins(fit) for fit in fits}
-    for onset in onsets:
-        group = {name: p for name, p in plants.items() if begins(fits[int(name)]) == onset}
-        runs = [resimulate(t, {"nominal": PlantParameters(), **group}, onset) for t in used]
-        nominal = gap(runs, "nominal", MOTION)
-        for name in group:
-            with_effect = gap(runs, name, MOTION)
-            if np.isfinite(nominal) and nominal > 0:
-                out[int(name)] = float(min(4.0, (with_effect / nominal) ** 2))
+    simulated = {str(k): fit for k, fit in enumerate(fits) if plant_of(arms[0], fit) is not None}
+    if not simulated:
+        return out
+    runs = [resimulate(t, over_time(arms[0], simulated)) for t in used]
+    nominal = gap(runs, "nominal", MOTION)
+    for name in simulated:
+        with_effect = gap(runs, name, MOTION)
+        if np.isfinite(nominal) and nominal > 0:
+            out[int(name)] = float(min(4.0, (with_effect / nominal) ** 2))
     return out
 
 

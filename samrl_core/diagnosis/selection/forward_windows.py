@@ -9,7 +9,7 @@ that they explain.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TypeGuard
 
@@ -28,6 +28,8 @@ MOST_WINDOWS = 16  # of a recording, spread evenly
 LONGEST_STEP_S = 0.002
 LONGEST_HELD_S = 1.0 / 60.0  # an effort; between samples of a slower log it runs straight
 SHORT_HELD_S = 0.005
+# Plants by name from a time [s] on; the first from the start, all of the same names in the same order.
+Stages = Sequence[tuple[float, Mapping[str, PlantParameters]]]
 BY_THE_LAW = ("stiffness_scale", "damping_scale", "command_delay", "command_cutoff")  # fields of a controller
 
 
@@ -49,14 +51,11 @@ def has_no_law(plant: PlantParameters) -> bool:
 
 
 def drive_forward(
-    trial: Trial,
-    plants: Mapping[str, PlantParameters],
-    onset: float | None = None,
-    off: Mapping[str, np.random.Generator] | None = None,
+    trial: Trial, stages: Stages, off: Mapping[str, np.random.Generator] | None = None
 ) -> tuple[np.ndarray, dict[str, np.ndarray], dict[str, dict[str, np.ndarray]], dict[str, np.ndarray]]:
     """Time (N,) of all windows one after another, measured and simulated channels (N, J), scales (J,).
 
-    Plants that diverge are NaN from there on; before `onset` [s] every plant is the first of them. Those in
+    Plants that diverge are NaN from there on; they are those of the stage in which a window starts. Those in
     `off` start beside the log by its noise, drawn anew for each window.
     """
     motion, arm = trial.motion, trial.recording.arm
@@ -75,17 +74,16 @@ def drive_forward(
     edge = max(motion.edge, 3)
     last = len(motion.time) - edge - length - 1
     count = int(np.clip((last - edge) // length, 1, MOST_WINDOWS))
-    nominal, *_ = plants.values()
-    times, measured, simulated = [], {"position": [], "velocity": []}, {name: {} for name in plants}
+    times, measured, simulated = [], {"position": [], "velocity": []}, {name: {} for name in stages[0][1]}
     for start in np.linspace(edge, last, count).astype(int):
         part = slice(start, start + length + 1)
         time = motion.time[part] - motion.time[start]
         driven = _driven(time, motion.raw_commanded[part], every)
-        early = onset is not None and motion.time[start] - motion.time[0] < onset
+        plants = [of for begin, of in stages if begin <= motion.time[start] - motion.time[0]][-1]
         runs = loop.rollout(
             driven,
             *begin_off(trial, start, plants, off or {}),
-            [nominal if early else plant for plant in plants.values()],
+            list(plants.values()),
             float(time[-1]),
             record_every=every,
             keep_diverged=True,

@@ -1,4 +1,4 @@
-"""An effect that was switched on within the recordings."""
+"""Effects that were switched on within the recordings, the first one or one more."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from samrl_core.diagnosis.selection.contenders import Contender, in_order
-from samrl_core.diagnosis.selection.hypothesis import ONSET, Evidence, Fit, Hypothesis, hypothesis
+from samrl_core.diagnosis.selection.hypothesis import ONSET, Evidence, Fit, Hypothesis, hypothesis, is_there
 
 ONSETS = 17  # times that are tried first
-CANDIDATES_FOR_ONSET = 12  # best singles that may have been switched on
+CANDIDATES_FOR_ONSET = 12  # best singles that may have been switched on; as many beside others
 
 
 def find_onset(
@@ -29,36 +29,65 @@ def find_onset(
         singles: best fit of each family and place, best first; not empty.
         excess: log likelihood that a perfect explanation would win.
     """
+    place = singles[0].hypotheses[0].place
+    there = [f for f in singles[CANDIDATES_FOR_ONSET:] if f.hypotheses[0].place == place]
+    tried = [f.hypotheses[0] for f in [*singles[:CANDIDATES_FOR_ONSET], *there]]
+    return _begun(evidence, pool, tried, (), excess)
+
+
+def find_later(
+    evidence: Evidence, pool: Sequence[Hypothesis], chosen: Fit, steady: Sequence[Fit], excess: float
+) -> list[Fit]:
+    """The chosen set with one more effect that begins within the recordings, in the order of `find_onset`.
+
+    Args:
+        evidence: of the fitted recordings.
+        pool: all forms, likewise.
+        chosen: the set so far.
+        steady: the best sets with one more effect that acts throughout, one of each place and family, best
+            first. What begins late is little of that, and still more than what is not there.
+        excess: log likelihood that a perfect explanation would win.
+    """
+    more = [f.hypotheses[-1] for f in steady if f.log_evidence > chosen.log_evidence]
+    return _begun(evidence, pool, more[:CANDIDATES_FOR_ONSET], chosen.hypotheses, excess)
+
+
+def _begun(
+    evidence: Evidence,
+    pool: Sequence[Hypothesis],
+    tried: Sequence[Hypothesis],
+    beside: tuple[Hypothesis, ...],
+    excess: float,
+) -> list[Fit]:
+    """The best of the effects that are tried, with an onset, `beside` others that stay as they are."""
     shortest = min(t.duration for t in evidence.likelihood.trials)
     step = 0.4 * shortest / ONSETS
+    mine = len(beside)
 
     def attempt(h: Hypothesis, onset: float) -> Fit | None:
         shape = {**h.shape, ONSET: onset}
         later = hypothesis(evidence.likelihood, h.effect, h.form, shape)
-        return None if later is None else evidence.fit([replace(later, tried=h.tried * ONSETS)])
+        return None if later is None else evidence.fit([*beside, replace(later, tried=h.tried * ONSETS)])
 
-    place = singles[0].hypotheses[0].place
-    there = [f for f in singles[CANDIDATES_FOR_ONSET:] if f.hypotheses[0].place == place]
-    tried = [f.hypotheses[0] for f in [*singles[:CANDIDATES_FOR_ONSET], *there]]
     times = np.linspace(0.1, 0.9, ONSETS) * shortest
     best = _best(attempt(h, float(onset)) for h in tried for onset in times)
     if best is None:
         return []
     best = _closest_onset(attempt, best, step)
-    first = best.hypotheses[0]
-    better = _best(attempt(h, first.shape[ONSET]) for h in pool if h.name == first.name)
+    found = best.hypotheses[mine]
+    better = _best(attempt(h, found.shape[ONSET]) for h in pool if h.name == found.name)
     if better is not None and better.log_evidence > best.log_evidence:
-        best = _closest_onset(attempt, evidence.refine(better, 0), step)
-    best = evidence.refine(best, 0)
-    first = best.hypotheses[0]
+        best = _closest_onset(attempt, evidence.refine(better, mine), step)
+    best = evidence.refine(best, mine)
+    found = best.hypotheses[mine]
     plain = _best(
-        attempt(h, first.shape[ONSET])
+        attempt(h, found.shape[ONSET])
         for h in pool
-        if h.place == first.place and h.effect.family in first.effect.contains
+        if h.place == found.place and h.effect.family in found.effect.contains and not is_there(h, beside)
     )
     if plain is None:
         return [best]
-    plain = evidence.refine(_closest_onset(attempt, plain, step), 0)
+    plain = evidence.refine(_closest_onset(attempt, plain, step), mine)
     whole = max(excess, best.log_evidence)
     k = evidence.correlation_time
     both = [
@@ -68,13 +97,14 @@ def find_onset(
 
 
 def _best(fits: Iterable[Fit | None]) -> Fit | None:
-    return max((f for f in fits if f is not None), key=lambda f: f.log_evidence, default=None)
+    possible = (f for f in fits if f is not None and np.isfinite(f.log_evidence))
+    return max(possible, key=lambda f: f.log_evidence, default=None)
 
 
 def _closest_onset(attempt: Callable[[Hypothesis, float], Fit | None], best: Fit, step: float) -> Fit:
-    """The fit with its onset moved by steps [s], halved until they are short, as long as that helps."""
+    """The fit with the onset of its last member moved by steps [s], halved until short, while that helps."""
     while step > 0.02:
-        h = best.hypotheses[0]
+        h = best.hypotheses[-1]
         better = _best(attempt(h, h.shape[ONSET] + d) for d in (-step, step))
         if better is not None and better.log_evidence > best.log_evidence:
             best = better

@@ -12,7 +12,13 @@ from samrl_core.cell.types.arm_recording import JointSignal
 from samrl_core.common.errors import InputError, LimitError
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.trial import Trial
-from samrl_core.diagnosis.selection.forward_windows import begin_off, drivable, drive_forward, has_no_law
+from samrl_core.diagnosis.selection.forward_windows import (
+    Stages,
+    begin_off,
+    drivable,
+    drive_forward,
+    has_no_law,
+)
 from samrl_core.diagnosis.selection.gap_metric import QUANTITIES, bootstrap_shrink, channel_scales
 from samrl_core.diagnosis.selection.hypothesis import ONSET, Fit
 from samrl_core.diagnosis.simulation.closed_loop import ClosedLoop, Rollouts
@@ -126,24 +132,45 @@ def _motor_torque(
     return asked - loss * powered * velocity
 
 
-def begins(fit: Fit) -> float | None:
-    """When the first effect of a fit was switched on [s]; None if it was there from the start."""
-    return fit.hypotheses[0].shape.get(ONSET)
+def over_time(trial: Trial, fits: Mapping[str, Fit]) -> Stages:
+    """The nominal plant and those of sets by name, a stage for each time at which a member of one begins.
+
+    What cannot be simulated is left out. A member that has no onset is there from the start. Sets of which
+    nothing begins keep their plant.
+    """
+    whole = {name: fit for name, fit in fits.items() if plant_of(trial, fit) is not None}
+    onsets = {name: {h.shape.get(ONSET, 0.0) for h in fit.hypotheses} for name, fit in whole.items()}
+    plants, stages = {"nominal": PlantParameters()}, []
+    for time in sorted({0.0}.union(*onsets.values())):
+        for name, fit in whole.items():
+            if time == 0.0 or time in onsets[name]:
+                plant = plant_of(trial, _begun(fit, time))
+                assert plant is not None  # as the whole set has one
+                plants = {**plants, name: plant}
+        stages.append((time, plants))
+    return stages
+
+
+def _begun(fit: Fit, time: float) -> Fit:
+    """The members of a set that are there at a time [s]."""
+    there = [k for k, h in enumerate(fit.hypotheses) if h.shape.get(ONSET, 0.0) <= time]
+    return replace(
+        fit,
+        hypotheses=tuple(fit.hypotheses[k] for k in there),
+        amplitudes=tuple(fit.amplitudes[k] for k in there),
+    )
 
 
 def resimulate(
-    trial: Trial,
-    plants: dict[str, PlantParameters],
-    onset: float | None = None,
-    off: Mapping[str, np.random.Generator] | None = None,
+    trial: Trial, stages: Stages, off: Mapping[str, np.random.Generator] | None = None
 ) -> Resimulation:
     """Simulate a recording's command with each plant. A plant that diverges is NaN from there on.
 
-    Before `onset` [s] every plant is nominal. Those in `off` begin beside the log by its noise wherever no
-    loop would take that back.
+    Plants are those of the stage that has begun last, the first from the start. Those in `off` begin beside
+    the log by its noise wherever no loop would take that back.
     """
     if not simulable(trial):
-        return Resimulation(trial, *drive_forward(trial, plants, onset, off))
+        return Resimulation(trial, *drive_forward(trial, stages, off))
     arm, motion = trial.recording.arm, trial.motion
     command = motion.drive_input
     assert trial.rigid is not None and command is not None and arm.controller is not None
@@ -157,6 +184,8 @@ def resimulate(
     start_q = np.median(motion.full_position[:5], axis=0)
     start_v = np.median(motion.full_velocity[:5], axis=0)
     switched = from_start(motion.recording.torque_enabled, motion.time[0])
+    plants, later = _first_and_later(stages, every * period, duration - 10 * every * period)
+    names = list(plants)
     if arm.controller.law.open_loop:
         rollouts = _in_pieces(loop, trial, shifted, switched, plants, duration, every, off or {})
     else:
@@ -164,10 +193,10 @@ def resimulate(
             shifted, start_q, start_v, list(plants.values()), duration, record_every=every, enabled=switched,
             keep_diverged=True,
         )  # fmt: skip
-    if onset is not None and every * period < onset < duration - 10 * every * period:
-        rollouts = _switched_on(
-            loop, rollouts, shifted, switched, list(plants.values()), onset, duration, every
-        )
+    for begin, now in later:
+        changed = {k: now[name] for k, name in enumerate(names) if now[name] is not plants[name]}
+        rollouts = _switched_on(loop, rollouts, shifted, switched, changed, begin, duration, every)
+        plants = now
     grid = motion.time - motion.time[0]
     length = int(np.searchsorted(grid, rollouts.time[-1] + 0.5 / motion.rate))
     open_loop = arm.controller.law.open_loop  # its effort is what was put in
@@ -183,7 +212,7 @@ def resimulate(
         if values is not None
     }
     simulated = {}
-    for k, name in enumerate(plants):
+    for k, name in enumerate(names):
         channels = {}
         for quantity in measured:
             values = getattr(rollouts, quantity)[k]
@@ -196,45 +225,55 @@ def resimulate(
     return Resimulation(trial, grid[:length], measured, simulated, channel_scales(arm, limits))
 
 
+def _first_and_later(
+    stages: Stages, soonest: float, latest: float
+) -> tuple[Mapping[str, PlantParameters], Stages]:
+    """Plants from the start, and the stages that begin between two times [s]; later ones are not reached."""
+    first = [plants for begin, plants in stages if begin <= soonest]
+    return first[-1], [stage for stage in stages if soonest < stage[0] < latest]
+
+
 def _switched_on(
     loop: ClosedLoop,
-    nominal_first: Rollouts,
+    before: Rollouts,
     command: JointSignal,
     enabled: JointSignal | None,
-    plants: list[PlantParameters],
+    changed: Mapping[int, PlantParameters],
     onset: float,
     duration: float,
     every: int,
 ) -> Rollouts:
-    """Rollouts whose plants are nominal, the first of them, until an onset."""
-    k = int(np.searchsorted(nominal_first.time, onset))
-    begin = float(nominal_first.time[k])
+    """Rollouts (B, T, J) of which some, by index, go on with other plants from an onset [s].
+
+    They go on from where they are, with a controller that has no past; what had diverged stays NaN.
+    """
+    k = int(np.searchsorted(before.time, onset))
+    begin = float(before.time[k])
+    there = [b for b in changed if np.all(np.isfinite([before.position[b, k], before.velocity[b, k]]))]
+    if not there:
+        return before
     later = JointSignal(
         command.time - begin, command.position, command.velocity, command.acceleration, command.effort
     )
     rest = loop.rollout(
         later,
-        nominal_first.position[0, k],
-        nominal_first.velocity[0, k],
-        plants,
+        before.position[there, k],
+        before.velocity[there, k],
+        [changed[b] for b in there],
         duration - begin,
         record_every=every,
         enabled=from_start(enabled, begin),
         keep_diverged=True,
     )
-    count = len(nominal_first.time) - k
+    length = min(len(before.time) - k, len(rest.time))
 
     def joined(name: str) -> np.ndarray:
-        before = np.broadcast_to(
-            getattr(nominal_first, name)[:1, :k], (len(plants), k, len(loop.model.rigid.joints))
-        )
-        return np.concatenate([before, getattr(rest, name)[:, :count]], axis=1)
+        values = getattr(before, name)[:, : k + length].copy()
+        values[there, k:] = getattr(rest, name)[:, :length]
+        return values
 
-    length = min(count, len(rest.time)) + k
-    return Rollouts(
-        nominal_first.time[:length],
-        *(joined(name) for name in ("position", "velocity", "effort", "commanded_effort")),
-    )
+    names = ("position", "velocity", "effort", "commanded_effort")
+    return Rollouts(before.time[: k + length], *(joined(name) for name in names))
 
 
 def pointwise(resimulation: Resimulation, plant: str, quantities: Sequence[str] = QUANTITIES) -> np.ndarray:

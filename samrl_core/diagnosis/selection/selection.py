@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -16,9 +15,11 @@ from samrl_core.diagnosis.selection.bounded_tolerances import evidence_beyond
 from samrl_core.diagnosis.selection.cancellation import undo_each_other
 from samrl_core.diagnosis.selection.contenders import NEXT, Contender, contend, denied_by_motion
 from samrl_core.diagnosis.selection.form_that_moves import with_form_that_moves
+from samrl_core.diagnosis.selection.further_effect import is_worth
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, Hypothesis, hypothesis, on_bound
 from samrl_core.diagnosis.selection.null_simulations import simulate_null_evidence, threshold
-from samrl_core.diagnosis.selection.onset_search import find_onset
+from samrl_core.diagnosis.selection.on_held_out import held_out_gains, held_out_remainder
+from samrl_core.diagnosis.selection.onset_search import find_later, find_onset
 from samrl_core.diagnosis.selection.other_starts import STARTS, in_plain_terms, simplest
 from samrl_core.diagnosis.selection.search import (
     best_singles,
@@ -26,33 +27,14 @@ from samrl_core.diagnosis.selection.search import (
     find_rivals,
     swap_members,
 )
-from samrl_core.diagnosis.selection.twins import does_the_same
+from samrl_core.diagnosis.selection.settings import SelectionSettings
 
 MOST_EFFECTS = 3
 CLEARLY_MORE = 1.5  # times what the first member adds to the others
 SURELY = 8.0  # times the threshold: beyond, no width of tolerances explains it
 WIDE = 2.0  # times the stated tolerances: many a machine is so far off, and that alone is no effect
 TRIED_WIDE = 6  # effects, at most, of which one may be believed with wider tolerances
-SHOWN = 8.0  # [nat] that a further effect must be worth on held-out recordings before they deny it
 SEEN_THERE = 0.1  # of the fitted excess: held-out recordings with less hardly show the effect
-
-
-@dataclass(frozen=True)
-class SelectionSettings:
-    """When an effect is believed. Values come from `samrl_core.blind_test.scores.calibrate`."""
-
-    threshold: float = 12.0  # log evidence that a first effect needs at least against nothing [nat]
-    chance: float = 0.0  # of a false name where all is within tolerance; 0: `threshold` decides
-    null_simulations: int = 0  # as many without an effect, whose evidence may raise the threshold
-    cache: Path | None = None  # folder that caches their log evidence
-    wide_threshold: float = 9.0  # that it needs if tolerances were stated `WIDE` times too narrow
-    second_threshold: float = 16.0  # that each further effect needs on top
-    held_out_share: float = 0.05  # of the remaining held-out excess that a further effect must remove
-    local_share: float = 0.4  # of what is left where it acts, likewise, on fitted recordings
-    onset_remainder: float = 0.05  # share left by the best effect from which on it may have been switched on
-    same_share: float = 0.12  # of all there was, where the first effects act on the same channels and joints
-    simulate: bool = True  # candidates within reach of the best are weighed by the simulated motion too
-    local_remainder: float = 0.2  # less left than this share of what there was: the first effect's formula
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,10 +215,10 @@ def _grow(
     for _ in range(MOST_EFFECTS - 1):
         progress(f"looking for effect {len(chosen.hypotheses) + 1}")
         # The best addition may only mend the first effect's formula; then a weaker one elsewhere may be real.
-        candidates = find_extensions(evidence, pool, chosen)
+        candidates = _with_later(evidence, pool, chosen, find_extensions(evidence, pool, chosen), settings)
         inside = (w for w in candidates if not on_bound(w.hypotheses[-1]))
         held_left = held_out_remainder(held_out, chosen)
-        worth = (w for w in inside if _worth(evidence, held_out, chosen, held_left, w, settings))
+        worth = (w for w in inside if is_worth(evidence, held_out, chosen, held_left, w, settings))
         if (wider := next(worth, None)) is None:
             break
         chosen = swap_members(evidence, pool, wider, 1 if kept else 0)
@@ -251,6 +233,29 @@ def _grow(
     held_remaining = held_out.deficit(held_out_remainder(held_out, chosen), k)
     won = held_out_gains(held_out, chosen, k)
     return Selection(chosen, tuple(singles), tuple(rivals), 0.0, 0.0, remaining, 0.0, held_remaining, k, *won)
+
+
+def _with_later(
+    evidence: Evidence,
+    pool: Sequence[Hypothesis],
+    chosen: Fit,
+    steady: list[Fit],
+    settings: SelectionSettings,
+) -> list[Fit]:
+    """Sets with one effect more; one that begins within the recordings in front, where it explains more.
+
+    As with a first effect it is looked for only where much is left, and must have more evidence than any that
+    was there all along.
+    """
+    k, likelihood = evidence.correlation_time, evidence.likelihood
+    excess = max(likelihood.deficit(likelihood.y, k), chosen.log_evidence)
+    if likelihood.deficit(evidence.remainder(chosen), k) < settings.onset_remainder * excess:
+        return steady
+    begun = find_later(evidence, pool, chosen, steady, excess)
+    most = max((f.log_evidence for f in steady), default=chosen.log_evidence)
+    if begun and max(f.log_evidence for f in begun) > most + settings.second_threshold:
+        return [*begun, *steady]
+    return steady
 
 
 def _greatest_first(evidence: Evidence, fit: Fit, keep_first: bool) -> Fit:
@@ -312,89 +317,3 @@ def with_chosen(
         remaining=likelihood.deficit(evidence.remainder(chosen), k),
         held_out_remaining=held_out.deficit(held_out_remainder(held_out, chosen), k),
     )
-
-
-def held_out_remainder(held_out: Likelihood, fit: Fit) -> np.ndarray:
-    """Held-out residuals with the fitted effects taken out; nothing is fitted again."""
-    y = held_out.y
-    for h, amplitudes in zip(fit.hypotheses, fit.amplitudes, strict=True):
-        there = hypothesis(held_out, h.effect, h.form, h.shape)
-        if there is not None:
-            y = held_out.minus(there.regressors, amplitudes, y)
-    return y
-
-
-def held_out_gains(held_out: Likelihood, fit: Fit, correlation: float) -> tuple[float, float]:
-    """Log likelihood [nat] that held-out residuals win by a fit as it is, and would win were it exact."""
-    if not held_out.blocks:
-        return 0.0, 0.0
-    return gains(held_out, held_out.y - held_out_remainder(held_out, fit), held_out.y, correlation)
-
-
-def gains(held_out: Likelihood, p: np.ndarray, y: np.ndarray, correlation: float) -> tuple[float, float]:
-    """What residuals y (N,) win by a prediction p (N,), p' S^-1 (y - p / 2), and p' S^-1 p / 2 [nat]."""
-    weighed = (p - held_out.tolerated(p, correlation)) / correlation
-    expected = 0.5 * float(weighed @ p)
-    return float(weighed @ y) - expected, expected
-
-
-def _worth(
-    evidence: Evidence,
-    held_out: Likelihood,
-    narrow: Fit,
-    held_left: np.ndarray,
-    wide: Fit,
-    settings: SelectionSettings,
-) -> bool:
-    """A further effect must be significant, matter on fitted data, and help on data that were not fitted.
-
-    Mending there what the narrower set spoiled is no help: both together must then win something.
-
-    `held_left` (N,) is what the narrower set leaves of those.
-    """
-    if wide.log_evidence - narrow.log_evidence < settings.second_threshold:
-        return False
-    k = evidence.correlation_time
-    likelihood = evidence.likelihood
-    remainder_narrow, remainder_wide = evidence.remainder(narrow), evidence.remainder(wide)
-    added = wide.hypotheses[-1]
-    there = set(added.regressors.blocks)
-    # Where it acts, the further effect must explain most of what is left, or much of what there ever was:
-    # it may be small beside the first, but it must not merely mend the first one's formula.
-    before = likelihood.deficit(remainder_narrow, k, there)
-    after = likelihood.deficit(remainder_wide, k, there)
-    at_all = likelihood.deficit(likelihood.y, k, there)
-    # A weak effect may stay below one standard deviation per sample: then its evidence says what it explains.
-    explained = max(before - after, wide.log_evidence - narrow.log_evidence)
-    # One family at every joint of an arm mends nothing: it is what arms have.
-    common = added.place.startswith("arm:") and added.effect.at_every_joint
-    mends = before < settings.local_remainder * at_all and not common
-    same = {b[1:] for b in there} <= {b[1:] for h in narrow.hypotheses for b in h.regressors.blocks}
-    # Geometry is exact: there is no formula to mend, and two errors of one chain act on all its channels.
-    if likelihood.exact:
-        if any(does_the_same(likelihood, added, h) for h in narrow.hypotheses):
-            return False
-    else:
-        if same and not common and explained < settings.same_share * at_all:
-            return False
-        share = 0.9 if mends else 0.5 * settings.local_share if common else settings.local_share
-        if explained < share * before:
-            return False
-    known = _known(held_out, there)
-    held_before = held_out.deficit(held_left, k, known)
-    held_wide = held_out_remainder(held_out, wide)
-    if held_out.deficit(held_wide, k, known) > (1.0 - settings.held_out_share) * held_before:
-        return False
-    if any(h.effect.by_chance for h in wide.hypotheses):
-        return True  # when chance strikes again, nothing that was fitted can say
-    # Where they hold nothing beyond noise, nothing is left to remove: within the noise it must win, too.
-    won, expected = gains(held_out, held_left - held_wide, held_left, k)
-    if expected > SHOWN and won < settings.held_out_share * expected:
-        return False
-    return held_out_gains(held_out, narrow, k)[0] >= 0.0 or held_out_gains(held_out, wide, k)[0] >= 0.0
-
-
-def _known(held_out: Likelihood, blocks: set[tuple[int, str, int]]) -> set[tuple[int, str, int]]:
-    """The same channels and joints on held-out recordings."""
-    pairs = {(channel, joint) for _, channel, joint in blocks}
-    return {block for block in held_out.blocks if block[1:] in pairs}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from samrl_core.diagnosis.selection.selection import SHOWN
+from samrl_core.diagnosis.selection.on_held_out import SHOWN
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,8 @@ import numpy as np
 
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.selection.hypothesis import Fit
-from samrl_core.diagnosis.selection.selection import Selection, held_out_remainder
+from samrl_core.diagnosis.selection.on_held_out import held_out_remainder
+from samrl_core.diagnosis.selection.selection import Selection
 from samrl_core.diagnosis.verdict.foretelling import MOST, TOLD
 
 BESIDE = 0.2  # of the difference of two predictions, by which the truth may lie beside one of them

@@ -21,7 +21,9 @@ from samrl_core.diagnosis.effects.form import Form, Place, Shape
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, Hypothesis, hypothesis
-from samrl_core.diagnosis.selection.selection import SHOWN, WIDE, SelectionSettings, held_out_gains
+from samrl_core.diagnosis.selection.on_held_out import SHOWN, held_out_gains
+from samrl_core.diagnosis.selection.selection import WIDE
+from samrl_core.diagnosis.selection.settings import SelectionSettings
 
 TURNS = (0.04, 0.1, 0.25, 0.6)  # of the fastest motion, at which a brake of eddy currents is strongest
 SHAPES_TRIED = 15  # of the best one

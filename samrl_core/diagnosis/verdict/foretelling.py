@@ -11,13 +11,8 @@ import numpy as np
 
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
-from samrl_core.diagnosis.selection.selection import (
-    SHOWN,
-    Selection,
-    gains,
-    held_out_gains,
-    held_out_remainder,
-)
+from samrl_core.diagnosis.selection.on_held_out import SHOWN, gains, held_out_gains, held_out_remainder
+from samrl_core.diagnosis.selection.selection import Selection
 
 MOST = 5  # rivals that are compared
 # [nat] Log likelihood that the true one of two sets must be expected to win over the other: what it wins

@@ -23,8 +23,8 @@ from samrl_core.diagnosis.selection.hypothesis import Fit
 from samrl_core.diagnosis.selection.null_simulations import sample_plant
 from samrl_core.diagnosis.selection.resimulation import (
     Resimulation,
-    begins,
     gap,
+    over_time,
     plant_of,
     resimulable,
     resimulate,
@@ -83,12 +83,15 @@ def foretell_motion(
     samples = [sample_plant(trials[0], rng) for _ in range(MACHINES)] if trials else []
     runs = []
     for trial in trials:
-        named = plant_of(trial, chosen)
-        if named is None:
+        if plant_of(trial, chosen) is None:
             return None
-        machines = {f"machine {k}": _beside(trial, named, s) for k, s in enumerate(samples)}
-        plants = {"nominal": PlantParameters(), "with_effect": named, **machines}
-        runs.append(resimulate(trial, plants, begins(chosen), dict.fromkeys(machines, rng)))
+        stages = []
+        for begin, plants in over_time(trial, {"with_effect": chosen}):
+            named = plants["with_effect"]
+            machines = {f"machine {k}": _beside(trial, named, s) for k, s in enumerate(samples)}
+            stages.append((begin, {**plants, **machines}))
+        off = {f"machine {k}": rng for k in range(len(samples))}
+        runs.append(resimulate(trial, stages, off))
     found = []
     for k in range(len(samples)):
         as_log = [_as_measured(r, f"machine {k}", rng) for r in runs]

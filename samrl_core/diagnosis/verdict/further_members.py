@@ -22,7 +22,8 @@ def find_superfluous(selection: Selection, named: Sequence[NamedEffect], far: Ho
 
     Their size may be zero, or the gap on recordings never fitted is not smaller for sure with them. A limit
     of the drive fits any torque a little: beside others, as alone, motion must show it. And several effects
-    that leave most of the gap share out what one has done that is not among them.
+    that leave most of the gap share out what one has done that is not among them; but for one that explains
+    all of what is seen where it acts (`HowFar.alone`), which nothing else does.
     """
     assert selection.chosen is not None
     hypotheses = selection.chosen.hypotheses
@@ -33,7 +34,8 @@ def find_superfluous(selection: Selection, named: Sequence[NamedEffect], far: Ho
         k for k, (_, most) in far.further.items() if hypotheses[k].effect.limits_motion and most < TOGETHER
     ]
     little = far.gap is not None and far.gap.shrink is not None and far.gap.shrink < TOGETHER
-    return tuple(sorted({*zero, *idle, *no_limit, *(far.further if little else ())}))
+    shared = set(far.further) - far.alone if little else set()
+    return tuple(sorted({*zero, *idle, *no_limit, *shared}))
 
 
 def _may_be_zero(h: Hypothesis, effect: NamedEffect) -> bool:

@@ -13,7 +13,8 @@ from samrl_core.diagnosis.residuals.tolerances import unknown_columns
 from samrl_core.diagnosis.result import HeldOutGap, Overlay
 from samrl_core.diagnosis.selection.gap_metric import bootstrap_shrink, shrink
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
-from samrl_core.diagnosis.selection.selection import Selection, held_out_remainder
+from samrl_core.diagnosis.selection.on_held_out import held_out_remainder
+from samrl_core.diagnosis.selection.selection import Selection
 
 OVERLAYS = 6
 BLOCKS = 20  # of each recording, that the bootstrap draws

@@ -15,23 +15,24 @@ from samrl_core.diagnosis.result import HeldOutGap, Overlay
 from samrl_core.diagnosis.selection.contenders import MOTION
 from samrl_core.diagnosis.selection.forward_windows import WINDOW_S
 from samrl_core.diagnosis.selection.gap_metric import bootstrap_shrink, shrink
-from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
+from samrl_core.diagnosis.selection.hypothesis import ONSET, Evidence, Fit
+from samrl_core.diagnosis.selection.on_held_out import held_out_remainder
 from samrl_core.diagnosis.selection.resimulation import (
     BLOCK_S,
     UNITS,
     Resimulation,
-    begins,
     gap,
+    over_time,
     plant_of,
     resimulable,
     resimulate,
     shrink_interval,
     simulable,
 )
-from samrl_core.diagnosis.selection.selection import Selection, held_out_remainder
-from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
+from samrl_core.diagnosis.selection.selection import Selection
 from samrl_core.diagnosis.verdict.foretold_motion import ForetoldMotion
 from samrl_core.diagnosis.verdict.gap_in_noise import compare_in_noise
+from samrl_core.diagnosis.verdict.own_place import explains_its_place
 
 OVERLAYS = 6  # joint and quantity pairs that are plotted
 SIZES = (0.5, 0.75, 1.0, 1.3, 1.7)  # of the fitted effect, tried in closed loop
@@ -53,6 +54,7 @@ class HowFar:
     size: float | None = None  # of the fitted first effect, that simulation would have best
     # By index of a further member: 95 % interval of what it takes off the gap that the others leave
     further: Mapping[int, tuple[float, float]] = field(default_factory=dict)
+    alone: frozenset[int] = frozenset()  # further members that explain all of what is seen where they act
     foretold: ForetoldMotion | None = None  # where the simulated gap does not shrink for sure
 
 
@@ -68,6 +70,20 @@ def how_far(
     if not held_out.trials or not held_out.blocks:
         return HowFar(None, ())
     sets = {} if fitted is None else _without_further(fitted, selection)
+    alone = frozenset(k for k in sets if explains_its_place(held_out, selection, sets[k], k))
+    return replace(_compared(held_out, selection, simulate, rng, progress, fitted, sets), alone=alone)
+
+
+def _compared(
+    held_out: Likelihood,
+    selection: Selection,
+    simulate: bool,
+    rng: np.random.Generator,
+    progress: Callable[[str], None],
+    fitted: Likelihood | None,
+    sets: Mapping[int, Fit],
+) -> HowFar:
+    """The comparison that these recordings allow: of motion, within noise, or along the log."""
     if simulate and all(resimulable(t) for t in held_out.trials):
         found = _simulated(held_out, selection, rng, sets)
         if found is not None:
@@ -95,14 +111,13 @@ def _simulated(
     chosen = selection.chosen
     trials = [t for t in held_out.trials if resimulable(t)]
     runner_up = _simulated_rival(trials[0], selection)
-    made = [_plants(trial, selection, runner_up, sets) for trial in trials]
-    plants = [name for name in made[0] if all(name in others for others in made)]
+    made = [over_time(trial, _sets(selection, runner_up, sets)) for trial in trials]
+    plants = [name for name in made[0][0][1] if all(name in stages[0][1] for stages in made)]
     if chosen is not None and "with_effect" not in plants:
         return None
-    onset = None if chosen is None else begins(chosen)
     runs = tuple(
-        resimulate(trial, {name: own[name] for name in plants}, onset)
-        for trial, own in zip(trials, made, strict=True)
+        resimulate(trial, [(begin, {name: own[name] for name in plants}) for begin, own in stages])
+        for trial, stages in zip(trials, made, strict=True)
     )
     nominal = gap(runs, "nominal")
     if not np.isfinite(nominal):
@@ -153,19 +168,25 @@ def _without(member: int) -> str:
     return f"without {member}"
 
 
-def _plants(
-    trial: Trial, selection: Selection, runner_up: Fit | None, sets: Mapping[int, Fit]
-) -> dict[str, PlantParameters]:
-    """Plants by name, as they are in this recording: what drifts or warms has come further in a later one."""
-    chosen, found = selection.chosen, dict[str, PlantParameters | None]()
-    if chosen is not None:
-        found["with_effect"] = plant_of(trial, chosen)
-        found["runner_up"] = None if runner_up is None else plant_of(trial, runner_up)
-        found |= {f"size {size}": plant_of(trial, _scaled(chosen, size)) for size in SIZES if size != 1.0}
-        found |= {_without(k): plant_of(trial, fit) for k, fit in sets.items()}
-    return {"nominal": PlantParameters()} | {
-        name: plant for name, plant in found.items() if plant is not None
-    }
+def _sets(selection: Selection, runner_up: Fit | None, sets: Mapping[int, Fit]) -> dict[str, Fit]:
+    """Sets by name that are simulated beside the nominal model."""
+    chosen = selection.chosen
+    if chosen is None:
+        return {}
+    found = {"with_effect": chosen}
+    if runner_up is not None:
+        found["runner_up"] = _begun_as(chosen, runner_up)
+    found |= {f"size {size}": _scaled(chosen, size) for size in SIZES if size != 1.0}
+    return found | {_without(k): fit for k, fit in sets.items()}
+
+
+def _begun_as(chosen: Fit, rival: Fit) -> Fit:
+    """The rival with its first effect begun when that of the chosen set did: it would be that one."""
+    mine, first = chosen.hypotheses[0], rival.hypotheses[0]
+    if ONSET not in mine.shape or ONSET in first.shape:
+        return rival
+    begun = replace(first, shape={**first.shape, ONSET: mine.shape[ONSET]})
+    return replace(rival, hypotheses=(begun, *rival.hypotheses[1:]))
 
 
 def _scaled(fit: Fit, size: float) -> Fit:

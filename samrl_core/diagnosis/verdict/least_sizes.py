@@ -24,7 +24,8 @@ import numpy as np
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.result import LeastSize
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Hypothesis, hypothesis, implausible
-from samrl_core.diagnosis.selection.selection import SURELY, WIDE, SelectionSettings
+from samrl_core.diagnosis.selection.selection import SURELY, WIDE
+from samrl_core.diagnosis.selection.settings import SelectionSettings
 
 ROUNDS = 6  # in which a size grows as recordings tell less of it
 SAME = 0.01  # relative, of sizes that need no further round

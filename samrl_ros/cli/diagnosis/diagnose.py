@@ -66,7 +66,7 @@ def diagnose_bags(options: DiagnoseOptions) -> int:
     from samrl_core.diagnosis.findings.tracking import checked_names
     from samrl_core.diagnosis.report.terminal import summary, tracked
     from samrl_core.diagnosis.report.write_report import report_contents, write_contents
-    from samrl_core.diagnosis.selection.selection import SelectionSettings
+    from samrl_core.diagnosis.selection.settings import SelectionSettings
 
     families = read_library(options.library) if options.library else None
     selection = SelectionSettings(null_simulations=options.null_worlds, cache=cache_folder() / "null_worlds")

@@ -28,7 +28,8 @@ from samrl_core.diagnosis.residuals.signals.signal_noise import quantum
 from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.selection.contenders import Contender, plain_first
 from samrl_core.diagnosis.selection.hypothesis import Evidence, hypothesis
-from samrl_core.diagnosis.selection.selection import Selection, held_out_gains
+from samrl_core.diagnosis.selection.on_held_out import held_out_gains
+from samrl_core.diagnosis.selection.selection import Selection
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 from tests.diagnosis import worlds
 from tests.diagnosis.controllers.kinds import POSITION_SERVO, VELOCITY_DRIVE, VOLTAGE_SERVO

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import cache
 from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
 
+from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.diagnosis.kinds.arms import arm_trials
 from samrl_core.diagnosis.residuals.likelihood import Likelihood, Regressors
 from samrl_core.diagnosis.residuals.trial import Trial
@@ -41,13 +43,19 @@ def stand_in(family: str, shape: dict[str, float] | None = None, form: str = "")
     )
 
 
+@cache
+def recorded() -> list[ArmRecording]:
+    """Three recordings of 2 s of a drive that is as it is described; simulated once, trials are made anew."""
+    (recordings,) = worlds(VELOCITY_DRIVE, [Differs()], 3, 2.0)
+    return recordings
+
+
 class Bench:
     """A drive's recording, twice, whose residual is a sum of two known columns that are alike to a third."""
 
     def __init__(self, first: float, second: float) -> None:
         """Sizes of both, relative to `SIZE`."""
-        (recordings,) = worlds(VELOCITY_DRIVE, [Differs()], 3, 2.0)
-        self.fitted, self.unseen = arm_trials(recordings[:2], [])[0]
+        self.fitted, self.unseen = arm_trials(recorded()[:2], [])[0]
         self.rng = np.random.default_rng(1)
         one, other = self.white(self.fitted), self.white(self.fitted)
         self.columns = (one, one + 0.25 * other)

@@ -14,7 +14,8 @@ from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.selection.bounded_tolerances import evidence_beyond
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, hypothesis
-from samrl_core.diagnosis.selection.selection import WIDE, SelectionSettings
+from samrl_core.diagnosis.selection.selection import WIDE
+from samrl_core.diagnosis.selection.settings import SelectionSettings
 from tests.diagnosis.controllers.kinds import VELOCITY_DRIVE
 from tests.diagnosis.controllers.machines import Differs, worlds
 

@@ -11,14 +11,11 @@ import pytest
 
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.selection.cancellation import undo_each_other
+from samrl_core.diagnosis.selection.further_effect import is_worth
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, Hypothesis
+from samrl_core.diagnosis.selection.on_held_out import held_out_gains, held_out_remainder
 from samrl_core.diagnosis.selection.search import find_extensions, swap_members
-from samrl_core.diagnosis.selection.selection import (
-    SelectionSettings,
-    _worth,
-    held_out_gains,
-    held_out_remainder,
-)
+from samrl_core.diagnosis.selection.settings import SelectionSettings
 from tests.diagnosis.selection.bench import SIZE, Bench, stand_in
 
 
@@ -52,7 +49,7 @@ def test_mending_what_the_first_spoiled_is_no_help(second: float, helps: bool) -
     assert lost < both and lost < 0.0  # unseen data fit less badly with both
     assert (both > 0.0) is helps
     left = held_out_remainder(held_out, narrow)
-    assert _worth(bench.evidence, held_out, narrow, left, wide, SelectionSettings()) is helps
+    assert is_worth(bench.evidence, held_out, narrow, left, wide, SelectionSettings()) is helps
 
 
 @pytest.mark.parametrize("there", [0.0, 1.0])
@@ -70,7 +67,7 @@ def test_a_further_effect_that_unseen_recordings_do_not_show_is_none(there: floa
     narrow, wide = bench.evidence.fit([first]), bench.evidence.fit([first, second])
     left = held_out_remainder(held_out, narrow)
     assert held_out.deficit(left, 2.0) == pytest.approx(0.0, abs=1.0)
-    assert _worth(bench.evidence, held_out, narrow, left, wide, SelectionSettings()) is (there > 0.0)
+    assert is_worth(bench.evidence, held_out, narrow, left, wide, SelectionSettings()) is (there > 0.0)
 
 
 class Stated:

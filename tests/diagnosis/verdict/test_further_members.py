@@ -81,6 +81,19 @@ def test_several_effects_take_much_of_the_gap_together(
     assert find_superfluous(selection_of(fit), [GAINS, second], far) == ((1,) if left_out else ())
 
 
+def test_what_explains_all_of_its_own_place_shares_out_nothing() -> None:
+    """A mount yielded, and a wrist's Stribeck friction was all of the wrist's torque, but 2 % of the gap."""
+    second = named("stribeck_friction@joint:b", drop=(0.39, 0.47))
+    fit = Fit((member(), member()), (np.ones(1), np.ones(1)), np.eye(2), 100.0)
+    gap = HeldOutGap("RMS", "1", 2.0, 1.68, None, None, 0.16, (0.12, 0.20), None, ())
+    far = HowFar(gap, (), further={1: (0.017, 0.027)}, alone=frozenset({1}))
+    assert find_superfluous(selection_of(fit), [GAINS, second], far) == ()
+    assert find_superfluous(selection_of(fit), [GAINS, second], replace(far, alone=frozenset())) == (1,)
+    assert find_superfluous(selection_of(fit), [GAINS, second], replace(far, further={1: (-0.1, 0.1)})) == (
+        1,
+    )
+
+
 @pytest.mark.parametrize(("second", "there"), [(0.4, True), (0.0, False)], ids=["there", "not there"])
 def test_what_a_further_effect_takes_off_the_gap_has_an_interval(second: float, there: bool) -> None:
     """On a held-out recording, with the set fitted again without it."""
@@ -96,6 +109,7 @@ def test_what_a_further_effect_takes_off_the_gap_has_an_interval(second: float, 
     low, high = far.further[1]
     assert low < high < 1.0
     assert (low > 0.0) is there
+    assert (1 in far.alone) is there
 
 
 @pytest.mark.parametrize("refused", [False, True], ids=["stands without", "falls without"])

@@ -13,7 +13,8 @@ from samrl_core.diagnosis.result import HeldOutGap
 from samrl_core.diagnosis.selection import selection
 from samrl_core.diagnosis.selection.contenders import contend
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
-from samrl_core.diagnosis.selection.selection import Selection, SelectionSettings
+from samrl_core.diagnosis.selection.selection import Selection
+from samrl_core.diagnosis.selection.settings import SelectionSettings
 from samrl_core.diagnosis.verdict import judge
 from samrl_core.diagnosis.verdict.how_far import HowFar
 from samrl_core.diagnosis.verdict.judge import Judge, Judged, comes_as_close

@@ -11,11 +11,21 @@ from samrl_core.cell.types.pose import Pose
 from samrl_core.cell.types.pose_recording import ArmPoses, PoseRecording
 from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
 from samrl_core.diagnosis.kinds.poses.poses import split_poses
-from samrl_core.diagnosis.residuals.poses.noise import stamp_jitter
+from samrl_core.diagnosis.residuals.poses.noise import rounding, slow_level, stamp_jitter
 from samrl_core.diagnosis.result import Diagnosis
-from tests.diagnosis.poses.pose_worlds import CAMERA, NONE, SMALL, TARGET, background, track
+from tests.diagnosis.poses.pose_worlds import (
+    CAMERA,
+    NONE,
+    SMALL,
+    TARGET,
+    PoseWorld,
+    background,
+    flange,
+    track,
+)
 
 JITTER_S = 4e-4
+SPEED = 3.0  # of a hand, over that of an arm
 NOISE_M, NOISE_RAD = 6e-5, 3e-4  # of a large board, seen well
 
 
@@ -76,3 +86,48 @@ def test_the_scatter_of_stamps_is_found_from_neighbours(jitter: float) -> None:
     left = level * rng.standard_normal((600, 6)) + (0.001 + jitter * rng.standard_normal((600, 1))) * rate
     found = stamp_jitter(left, rate, level)
     assert found == pytest.approx(jitter, rel=0.4, abs=1e-9)
+
+
+def two_trackers(seed: int, decimal: float = 0.01) -> PoseRecording:
+    """Trackers on one body at 33 Hz, each with noise of its own, whose stamps were rounded."""
+    rng, tracks = np.random.default_rng(seed), []
+    for begin in (0.0, 0.011):
+        time = np.sort(begin + np.arange(0.3, 30.0, 0.0303) + 1e-3 * rng.standard_normal(981))
+        poses = flange(SPEED * time + 40.0 * seed, PoseWorld())
+        if begin:
+            poses = np.linalg.inv(poses @ CAMERA) @ TARGET
+        poses[:, :3, 3] += 7e-4 * rng.standard_normal((len(time), 3))
+        poses[:, :3, :3] = (
+            Rotation.from_rotvec(1.2e-3 * rng.standard_normal((len(time), 3))).as_matrix() @ poses[:, :3, :3]
+        )
+        rounded = np.round(time / decimal) * decimal
+        kept = np.concatenate([[True], np.diff(rounded) > 0.5 * decimal])
+        tracks.append(track(rounded[kept], poses[kept]))
+    arm = ArmPoses("camera_arm", tracks[0])
+    return PoseRecording("run", "made by a test", f"{seed:064x}", tracks[1], arm, None, None, None, None)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("seed", range(4))
+def test_rounded_stamps_of_two_trackers_are_no_gap(seed: int) -> None:
+    """Neighbours share readings, rounding lasts over them, and a rate of the raw track takes off noise."""
+    assert told(two_trackers(seed)).verdict == "no_gap"
+
+
+def test_rounded_stamps_are_told_by_neighbouring_steps() -> None:
+    rng = np.random.default_rng(1)
+    exact = np.arange(0.0, 20.0, 0.0303)
+    assert rounding(1.5e9 + np.round(exact, 2)) == pytest.approx(0.01 / np.sqrt(12.0))
+    assert rounding(np.round(np.arange(0.0, 9.0, 1 / 60), 3)) == pytest.approx(1e-3 / np.sqrt(12.0))
+    lost = np.arange(600)[rng.random(600) > 0.1]
+    assert rounding(0.03 * lost) == 0.0  # an exact clock, of which poses are lost
+    assert rounding(0.01 * lost) == 0.0  # steps of one decimal say nothing
+    assert rounding(exact) == rounding(exact + 1e-3 * rng.standard_normal(len(exact))) == 0.0
+
+
+def test_the_noise_beside_rounded_stamps_is_that_of_slow_views() -> None:
+    """Of all views most are in motion: their median holds ten times the noise of any other kind."""
+    rng = np.random.default_rng(3)
+    rate = np.abs(np.sin(0.7 * np.arange(900)[:, None] / 33 + np.arange(6)))
+    left = 1e-4 * rng.standard_normal((900, 6)) + 1e-3 * rng.standard_normal((900, 1)) * rate
+    assert slow_level(left, rate, 1e-3) == pytest.approx(np.full(6, 1e-4), rel=0.6)

@@ -31,6 +31,21 @@ def test_a_further_effect_that_undoes_the_first_is_none(first: float, second: fl
     assert bool(find_extensions(bench.evidence, [bench.second], alone)) is not undone
 
 
+@pytest.mark.parametrize(("beside", "undone"), [(0.05, True), (0.3, False)])
+def test_of_exact_effects_only_two_that_do_the_same_undo_each_other(
+    beside: float, undone: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A camera 4 ms late and its only arm's clock 3 ms ahead: both were named for 1 ms of rounded stamps."""
+    bench = Bench(1.0, -0.9)
+    bench.columns = (bench.columns[0], bench.columns[0] + beside * bench.white(bench.fitted))
+    bench.set_residual(bench.fitted, bench.columns[0] - 0.9 * bench.columns[1])
+    bench.evidence = Evidence(Likelihood([bench.fitted]), 2.0)
+    monkeypatch.setattr(Likelihood, "exact", True)
+    pair = [bench.made("late", bench.columns[0]), bench.made("ahead", bench.columns[1])]
+    both = Fit(tuple(pair), (np.ones(1), np.full(1, -0.9)), np.zeros((2, 2)), 100.0)
+    assert undo_each_other(bench.evidence, both) is undone
+
+
 def test_members_are_not_exchanged_for_one_that_the_other_undoes() -> None:
     bench = Bench(1.0, -1.0)
     weak = bench.made("weak", 0.3 * bench.white(bench.fitted))
@@ -73,7 +88,7 @@ def test_a_further_effect_that_unseen_recordings_do_not_show_is_none(there: floa
 class Stated:
     """Evidence of sets by their first member's form."""
 
-    likelihood = SimpleNamespace(exact=True)
+    likelihood = SimpleNamespace(exact=True, combined=lambda *_: None, plain_gram=lambda *_: np.ones(1))
 
     def __init__(self, worth: dict[str, float]) -> None:
         """Log evidence [nat] of each form."""

@@ -77,6 +77,29 @@ def test_two_files_without_headers_are_pairs_where_they_close_a_chain(
         assert draft.questions == []
 
 
+def test_two_trackers_without_headers_whose_stamps_hold_twelve_digits(tmp_path: Path) -> None:
+    """Stamps of 10 ms repeat, a logger writes rows twice: the time was a body's first column, or none."""
+    rng = np.random.default_rng(4)
+    for number in (1, 2):
+        recording = record(PoseWorld(seconds=8.0), seed=number)
+        assert recording.camera_arm is not None and recording.camera_arm.flange is not None
+        for name, track in (("left", recording.camera_arm.flange), ("right", recording.seen)):
+            twice = np.repeat(np.arange(len(track)), 1 + (rng.random(len(track)) < 0.1))
+            rows = np.column_stack([track.time, track.position, track.quat_xyzw])[twice]
+            lines = [
+                ", ".join([f"{1491416948.65 + row[0]:.12g}", *(f"{v:.9g}" for v in row[1:])]) for row in rows
+            ]
+            (tmp_path / f"run{number}_{name}.csv").write_text("\n".join(lines) + "\n")
+
+    draft = draft_any([tmp_path], None, None)
+
+    assert draft.kind == "poses" and [each["name"] for each in draft.recordings] == ["run1", "run2"]
+    assert {source["file"] for source in draft.sources.values()} == {"{name}_left.csv", "{name}_right.csv"}
+    for source in draft.sources.values():
+        assert source["time"] == {"column": "0", "unit": "s", "repeated": "drop"}
+    assert draft.closes_m < 0.01
+
+
 def test_rows_of_two_files_that_close_no_chain_are_no_pairs(tmp_path: Path) -> None:
     seen, flange = made()
     np.savetxt(tmp_path / "a.txt", rows_of(flange, "positions_first"), fmt="%.7f")

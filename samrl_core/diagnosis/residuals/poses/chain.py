@@ -177,12 +177,16 @@ class Chain:
         return rigid.log(self.predicted(shifts, smooth=True) @ self._from_target[1])
 
     def rate(self, side: int, step: float) -> np.ndarray:
-        """Twist (N, 6) per second by which one arm's reading moves the target in the camera."""
+        """Twist (N, 6) per second by which one arm's reading moves the target in the camera.
+
+        Of smoothed tracks, as a shift: a raw rate holds the noise of the readings on both sides.
+        """
         ahead = [0.0, 0.0]
         ahead[side] = step
         behind = [0.0, 0.0]
         behind[side] = -step
-        return rigid.log(self.predicted(ahead) @ rigid.inverse(self.predicted(behind))) / (2.0 * step)
+        moved = self.predicted(ahead, smooth=True) @ rigid.inverse(self.predicted(behind, smooth=True))
+        return rigid.log(moved) / (2.0 * step)
 
     def joint_twists(self, side: int) -> np.ndarray:
         """Twists (J, N, 6) in the camera per radian by which each joint is further than it reads."""

@@ -14,6 +14,9 @@ from samrl_core.diagnosis.residuals.poses.student import ROBUST, log_student
 POWERS = (0, 1, 2)  # of the distance with which noise of a detected pose may grow
 ALIKE = ((0, 1), (2,), (3, 4, 5))  # channels that grow alike: across the view, along it, turns
 CLEARLY = 5.0  # [nat] by which growing noise must be likelier than even noise
+DECIMALS_S = (0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)  # to which stamps are rounded
+DIGITS = 0.01  # of a decimal: as exact as stamps of 1.5e9 s are
+BESIDE = 0.01  # of the steps, that are one decimal longer or shorter than most
 JITTERS_S = (0.0, *(1e-4 * 2.0 ** (0.5 * k) for k in range(13)))  # [s] of stamps, up to 6 ms
 LEAST_STEPS = 40  # views from which on differences tell it
 NEAREST_M = 0.01  # of a target: nearer poses have the noise of this distance
@@ -24,6 +27,10 @@ PAIRS_BREAK = 1.0 - np.sqrt(0.5)  # mistakes: of more, most differences of neigh
 LEAST_CHANGED = 3  # detections in a row at one end that are no chance
 IN_ROW, ELSEWHERE = 0.8, 0.1  # shares that stand apart at the end where something changed, and before it
 ROUNDS = 6
+SLOWEST = 1.0 / 3.0  # share of the views
+SHARED = (
+    4.0 / 3.0
+)  # variance of what is read between two noisy readings, over what differences of neighbours hold
 LEAST = np.array([1e-6] * 3 + [1e-6] * 3)  # [m], [rad]: rounding of a log
 
 
@@ -51,7 +58,9 @@ def distance_of(views: np.ndarray) -> np.ndarray:
     return np.maximum(np.linalg.norm(views[:, :3, 3], axis=1), NEAREST_M)
 
 
-def find_apart(left: np.ndarray, floor: np.ndarray, least: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def find_apart(
+    left: np.ndarray, floor: np.ndarray, least: np.ndarray, step: int = 1
+) -> tuple[np.ndarray, np.ndarray]:
     """The noise level (6,) of what is left (N, 6), and how far each detection (N,) stands apart.
 
     Where so many stand apart that differences of neighbours tell of them, their scatter tells first who does,
@@ -61,14 +70,15 @@ def find_apart(left: np.ndarray, floor: np.ndarray, least: np.ndarray) -> tuple[
         left: what is left of the residuals, as if all were at one distance.
         floor: what a detector's errors that last may be, (6,).
         least: no noise is less, (6,).
+        step: detections from one to the next whose noise is another's, as `noise_level`.
 
     Returns:
         The level, and standard deviations beyond `OUTLIER`; 0 of those that do not stand apart.
     """
-    level = np.maximum(noise_level(left, floor), least)
+    level = np.maximum(noise_level(left, floor, step), least)
     by_scatter = _score(left, np.maximum(scale(left), least)) > OUTLIER
     if PAIRS_BREAK < by_scatter.mean() <= MOST_APART:
-        level = np.maximum(noise_level(left[~by_scatter], floor), least)
+        level = np.maximum(noise_level(left[~by_scatter], floor, step), least)
     score = _score(left, level)
     apart = score > OUTLIER
     return level, np.where(apart & (apart.mean() <= MOST_APART), score, 0.0)
@@ -114,8 +124,28 @@ def growth_power(left: np.ndarray, distance: np.ndarray) -> np.ndarray:
     return out
 
 
-def stamp_jitter(left: np.ndarray, rate: np.ndarray, level: np.ndarray) -> float:
-    """By how much stamps scatter [s], where noise clearly grows with speed (N, 6) per s; else 0.
+def rounding(stamps: np.ndarray) -> float:
+    """Standard deviation [s] of stamps (N,) that were rounded, as to the 10 ms that 12 digits hold; else 0.
+
+    Steps are whole numbers of a decimal, and neighbouring ones: an exact clock of 30 ms with lost poses has
+    steps of 30 and 60 ms, one that was rounded of 30 and 40. What it does lasts over neighbours where the
+    rate and the decimal nearly agree, so that differences need not show it.
+    """
+    steps = np.diff(stamps)
+    for decimal in DECIMALS_S:
+        count = steps / decimal
+        whole = np.round(count)
+        middle = float(np.median(whole)) if len(whole) else 0.0
+        if middle >= 2.0 and float(np.abs(count - whole).max()) < DIGITS:
+            beside = float((np.abs(whole - middle) == 1.0).mean())
+            return decimal / np.sqrt(12.0) if beside > BESIDE else 0.0
+    return 0.0
+
+
+def stamp_jitter(
+    left: np.ndarray, rate: np.ndarray, level: np.ndarray, step: int = 1, least: float = 0.0
+) -> float:
+    """By how much stamps scatter [s], where noise clearly grows with speed (N, 6) per s; else `least`.
 
     By differences of neighbours, which hold no delay and no drift: those are no noise.
 
@@ -123,19 +153,41 @@ def stamp_jitter(left: np.ndarray, rate: np.ndarray, level: np.ndarray) -> float
         left: what is left of the residuals (N, 6).
         rate: change of the target's pose per second (N, 6) that a shift of stamps makes.
         level: noise (6,) of any view.
+        step: views from one to the next whose noise is another's.
+        least: by how much they scatter as is known.
     """
-    if len(left) < LEAST_STEPS:
-        return 0.0
-    steps = np.diff(left, axis=0) / np.sqrt(2.0)
-    speed = np.abs(0.5 * (rate[1:] + rate[:-1])) / level
+    steps = (left[step:] - left[:-step]) / np.sqrt(2.0)
+    speed = np.abs(0.5 * (rate[step:] + rate[:-step])) / level
 
     def likely(jitter: float) -> float:
         grown = np.sqrt(1.0 + (jitter * speed) ** 2)
         return log_student(steps / grown) - float(np.sum(np.log(grown)))
 
-    found = {jitter: likely(jitter) for jitter in JITTERS_S}
+    found = {jitter: likely(jitter) for jitter in (least, *(j for j in JITTERS_S if j > least))}
     best = max(found, key=found.__getitem__)
-    return best if found[best] > found[0.0] + CLEARLY else 0.0
+    return best if found[best] > found[least] + CLEARLY else least
+
+
+def slow_level(left: np.ndarray, rate: np.ndarray, jitter: float, step: int = 1) -> np.ndarray:
+    """Noise (6,) of what is left (N, 6) beside that of scattering stamps, from the slowest third.
+
+    Of all views most are in motion, where the stamps' noise hides any other.
+
+    Args:
+        left: what is left of the residuals (N, 6).
+        rate: as `stamp_jitter`.
+        jitter: scatter of the stamps [s].
+        step: views from one to the next whose noise is another's.
+    """
+    steps = (left[step:] - left[:-step]) / np.sqrt(2.0)
+    speed = np.sqrt(0.5 * (rate[step:] ** 2 + rate[:-step] ** 2))
+    out = np.zeros(left.shape[1])
+    for k, column in enumerate(speed.T):
+        slow = column <= np.quantile(column, SLOWEST)
+        total = float(ROBUST * np.median(np.abs(steps[slow, k])))
+        moved = jitter * float(np.sqrt(np.mean(column[slow] ** 2)))
+        out[k] = np.sqrt(max(total**2 - moved**2, 0.25 * total**2))
+    return np.maximum(out, LEAST)
 
 
 def leftover(residual: np.ndarray, columns: Sequence[np.ndarray], spread: Sequence[float]) -> np.ndarray:
@@ -169,12 +221,17 @@ def scale(values: np.ndarray) -> np.ndarray:
     return np.maximum(ROBUST * np.median(np.abs(values - np.median(values, axis=0)), axis=0), LEAST)
 
 
-def noise_level(left: np.ndarray, floor: np.ndarray) -> np.ndarray:
+def noise_level(left: np.ndarray, floor: np.ndarray, step: int = 1) -> np.ndarray:
     """Standard deviation (6,) of what is left: its white part, and of what lasts no more than `floor` (6,).
 
     Differences of neighbours hold the white part alone. Errors of a detector last over neighbouring views;
-    beyond what detectors are known for, what lasts is a gap.
+    beyond what detectors are known for, what lasts is a gap. Where neighbours share a reading of an
+    interpolated track, its noise is in both: those `step` views apart have theirs, and tell up to `SHARED`
+    times the variance. What lasts would make them differ by more.
     """
     white = np.maximum(scale(np.diff(left, axis=0)) / np.sqrt(2.0), LEAST) if len(left) > 4 else scale(left)
+    if step > 1 and len(left) > 4 + step:
+        apart = scale(left[step:] - left[:-step]) / np.sqrt(2.0)
+        white = np.clip(apart, white, np.sqrt(SHARED) * white)
     lasting = np.sqrt(np.maximum(scale(left) ** 2 - white**2, 0.0))
     return np.hypot(white, np.minimum(lasting, floor))

@@ -18,6 +18,7 @@ from samrl_core.diagnosis.residuals.poses import rigid
 from samrl_core.diagnosis.residuals.poses.chain import Chain, Constants, track_rate
 from samrl_core.diagnosis.residuals.poses.corner_noise import find_square
 from samrl_core.diagnosis.residuals.poses.noise import (
+    LEAST_STEPS,
     DetectorNoise,
     distance_of,
     find_apart,
@@ -25,6 +26,8 @@ from samrl_core.diagnosis.residuals.poses.noise import (
     growth_power,
     leftover,
     noise_level,
+    rounding,
+    slow_level,
     stamp_jitter,
 )
 
@@ -35,6 +38,7 @@ TIMING_RATE_HZ = 5.0  # below it poses are no motion: nothing is said of clocks
 RATE_STEP_S = 0.01  # of the difference that gives a rate
 END_S, END_SHARE = 0.5, 0.05  # of a recording at either end of an arm's track, the less of the two
 LEFT_OUT = 1e3  # times the noise: as good as left out
+JITTER_ROUNDS = 3  # of a level without it, and it beside that level
 LEVER_M = 0.5  # at which a translation of 1 m/s counts as 2 rad/s, for phases
 # Standard deviations of what the noise estimate lets be off: beyond the catalogue's ranges.
 TRANSLATION, ROTATION, SIZE, ZERO, CLOCK = 0.03, 0.05, 0.05, 0.02, 0.1
@@ -260,7 +264,7 @@ class PoseTrial(Observed):
         growth = growth * self._of_jitter(left, growth / middle)
         even = left * middle / growth
         least = like.level * middle if few and like is not None else np.zeros(len(floor))
-        level, score = find_apart(even, floor, least)
+        level, score = find_apart(even, floor, least, self._own_step)
         noise = replace(noise, level=level / middle)
         sigma = noise.level * growth
         apart = score > 0.0
@@ -277,10 +281,39 @@ class PoseTrial(Observed):
         """Factors (N, 6) above one by which stamps that scatter raise noise of a growth (N, 6)."""
         if not self.shows_time:
             return np.ones_like(left)
-        rate = self.at_target(sum(self.rates.values(), np.zeros((len(left), 6)))) / growth
-        even = left / growth
-        level = noise_level(even, np.zeros(6))
-        return np.sqrt(1.0 + (stamp_jitter(even, rate, level) * rate / level) ** 2)
+        rate = self._rate_near() / growth
+        even, step = left / growth, self._own_step
+        jitter = least = float(np.hypot.reduce([rounding(each) for each in self._all_stamps]))
+        if len(left) < LEAST_STEPS:
+            return np.sqrt(1.0 + (jitter * rate / noise_level(even, np.zeros(6))) ** 2)
+        for _ in range(JITTER_ROUNDS):
+            level = slow_level(even, rate, jitter, step)
+            jitter = stamp_jitter(even, rate, level, step, least)
+        return np.sqrt(1.0 + (jitter * rate / level) ** 2)
+
+    def _rate_near(self) -> np.ndarray:
+        """How fast a shift of stamps moves the target (N, 6) per s, over a view and those beside it.
+
+        A reading with a wrong stamp is in the spline on both sides of it.
+        """
+        rate = self.at_target(sum(self.rates.values(), np.zeros((len(self.views), 6))))
+        padded = np.pad(rate**2, ((1, 1), (0, 0)), mode="edge")
+        return np.sqrt(0.25 * padded[:-2] + 0.5 * padded[1:-1] + 0.25 * padded[2:])
+
+    @property
+    def _all_stamps(self) -> list[np.ndarray]:
+        """Of the camera and of the arms."""
+        return [self.recording.seen.time, *(arm.stamps for arm in self.recording.arms)]
+
+    @property
+    def _own_step(self) -> int:
+        """Views from one to the next that shares no reading of a tracker.
+
+        Joints' encoders have no such noise.
+        """
+        steps = [np.median(np.diff(arm.stamps)) for arm in self.recording.arms if arm.flange is not None]
+        shares = self.shows_time and max(steps, default=0.0) > 0.5 / track_rate(self.recording.seen)
+        return 2 if shares else 1
 
     def _what_may_be_off(self) -> tuple[list[np.ndarray], list[float]]:
         """Columns (N, 6) of every constant, the size and joints' zeros, and their standard deviations."""

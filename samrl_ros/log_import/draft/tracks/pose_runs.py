@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from samrl_ros.log_import.draft.tracks.logged_tracks import LoggedTrack
+
+_WORD = re.compile(r"[^\W_]+")  # of a file's name
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,16 +53,38 @@ def _sides(
 ) -> tuple[list[LoggedTrack], list[LoggedTrack]]:
     """Poses of targets and of flanges; where names do not say it of all, those of two layouts, by likelihood.
 
+    Two trackers write the same layout: run1_left, run1_right, run2_left, ... are two ends, by their names.
     Who is who is then asked; which files are one run is told by their names alone.
     """
     seen, carried = ([each for each in placed if side(each) == s] for s in (1, -1))
     layouts: dict[tuple[str, ...], list[LoggedTrack]] = {}
     for each in placed:
         layouts.setdefault(tuple(each.track.used), []).append(each)
-    if len(seen) + len(carried) == len(placed) or len(layouts) != 2:
+    if len(seen) + len(carried) == len(placed):
         return seen, carried
-    first, second = sorted(layouts.values(), key=lambda group: -sum(map(side, group)))
+    groups = list(layouts.values()) if len(layouts) == 2 else _by_word(placed)
+    if len(groups) != 2:
+        return seen, carried
+    first, second = sorted(groups, key=lambda group: -sum(map(side, group)))
     return first, second
+
+
+def _by_word(placed: Sequence[LoggedTrack]) -> list[list[LoggedTrack]]:
+    """Poses by the word that their files' names end or else begin with; empty where that makes no two sides.
+
+    A word of letters: the 1 and 2 of `run_1` and `run_2` count runs and name no tracker.
+    """
+    words = [_WORD.findall(each.path.stem) or [""] for each in placed]
+    for end in (-1, 0):
+        groups: dict[str, list[LoggedTrack]] = {}
+        rests: dict[str, list[tuple[str, ...]]] = {}
+        for each, said in zip(placed, words, strict=True):
+            groups.setdefault(said[end], []).append(each)
+            rests.setdefault(said[end], []).append(tuple(said[:-1] if end else said[1:]))
+        one_run, *others = (sorted(rest) for rest in rests.values())
+        if len(groups) == 2 and others == [one_run] and all(word.isalpha() for word in groups):
+            return list(groups.values())
+    return []
 
 
 def _before_common_end(stems: Sequence[str]) -> tuple[list[str], str]:

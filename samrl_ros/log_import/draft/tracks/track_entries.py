@@ -58,7 +58,7 @@ def find_time(each: LoggedTrack, used: Sequence[str]) -> FoundTime | None:
         return FoundTime(entry, values, tuple(evidence.time_unit(steps)) or ("s",), "")
     names = time_columns(table, list(used))
     if not each.track.named:
-        names = [name for name in table.columns if name not in used and _increases(table, name)][:1]
+        names = [name for name in table.columns if name not in used and _runs_on(table, name)][:1]
     for name in names:
         values = numbers_of(table, name)
         if values is None:
@@ -85,9 +85,16 @@ def find_time(each: LoggedTrack, used: Sequence[str]) -> FoundTime | None:
     return None
 
 
-def _increases(table: Table, name: str) -> bool:
+def _runs_on(table: Table, name: str) -> bool:
+    """Whether a column without a name can be a clock: it never goes back, and stands still in few steps.
+
+    Stamps that are rounded to 10 ms, and rows that a logger wrote twice, repeat.
+    """
     values = numbers_of(table, name)
-    return values is not None and values.ndim == 1 and bool((np.diff(values) > 0).all())
+    if values is None or values.ndim != 1:
+        return False
+    steps = np.diff(values)
+    return bool((steps >= 0).all() and evidence.runs_on(values) == 2)
 
 
 def find_frames(each: LoggedTrack, used: Sequence[str]) -> str:

@@ -114,5 +114,5 @@ def _tables_beside(tables: Sequence[LoggedTable]) -> list[str]:
 
 def _few_poses(tracks: Sequence[LoggedTrack]) -> bool:
     """Whether no file, and no bag, holds two poses, so that there is no chain."""
-    paths = [each.path for each in tracks if each.track.whole]
+    paths = [each.motion for each in tracks if each.track.whole]
     return len(paths) == len(set(paths)) and (len(paths) < 2 or len({t.track.stem for t in tracks}) == 1)

@@ -26,6 +26,8 @@ class SplitStamp:
     entry: dict[str, str]  # of the mapping
     seconds: np.ndarray  # (N,) [s]
     proof: str
+    rest: str  # column of the rest of the second
+    unit: float  # of that column [s]
 
 
 def split_stamp(table: Table, name: str) -> SplitStamp | None:
@@ -49,7 +51,7 @@ def split_stamp(table: Table, name: str) -> SplitStamp | None:
             rest = numbers_of(table, other)
             if rest is not None and rest.shape == whole.shape and ((rest >= 0) & (rest * unit < 1)).all():
                 proof = f"{name!r} with {other!r}"
-                return SplitStamp({"column": name, key: other}, whole + unit * rest, proof)
+                return SplitStamp({"column": name, key: other}, whole + unit * rest, proof, other, unit)
     return None
 
 

@@ -106,7 +106,8 @@ def _read_vicon(path: Path, lines: Sequence[str], number: int, rate: float) -> T
             units[title] = unit
     table = _as_table(path, titles, rows[3:], "," if delimiter == ";" else ".")
     table.units, table.maker = units, "Vicon"
-    table.time = np.asarray(table.columns["Frame"]) / rate
+    # Frames count from 1, at the trigger: beside another device the chain was a frame off.
+    table.time = (np.asarray(table.columns["Frame"]) - 1.0) / rate
     return table
 
 

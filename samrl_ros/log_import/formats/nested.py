@@ -84,13 +84,13 @@ def _are_episodes(content: Any) -> int:
 def _samples_in(content: Any) -> Any:
     """Where the samples begin: beneath a single key that holds objects, or as values of keys alike."""
     while isinstance(content, dict):
+        if (samples := _samples_of(content)) is not None:
+            return samples
         lists = [v for v in content.values() if isinstance(v, list) and v]
         objects = [v for v in content.values() if isinstance(v, dict) and not _is_matrix(v)]
         below = [v for v in lists if isinstance(v[0], dict)]
         if len(lists) == 1 and below and not any(_samples_of(v) for v in objects):
             return below[0]
-        if (samples := _samples_of(content)) is not None:
-            return samples
         if lists or len(objects) != 1 or len(content) != 1:
             return content
         content = objects[0]
@@ -100,6 +100,9 @@ def _samples_in(content: Any) -> Any:
 def _samples_of(content: dict[str, Any]) -> list[Any] | None:
     """Values of keys that hold the same keys each, in the order of their numbers; None if they do not."""
     values = list(content.values())
+    if len(values) >= _FEWEST and all(_is_listed_object(v) for v in values):
+        content = {key: value[0] for key, value in content.items()}  # BOP's scene_gt.json: objects by image
+        values = list(content.values())
     if len(values) < _FEWEST or not all(isinstance(v, dict) and v and not _is_matrix(v) for v in values):
         return None
     numbered = [_NUMBERED.fullmatch(str(key)) for key in content]
@@ -109,6 +112,11 @@ def _samples_of(content: dict[str, Any]) -> list[Any] | None:
         return None
     order = sorted(zip((int(m[2]) for m in numbered if m), values, strict=True), key=lambda one: one[0])
     return [value for _, value in order]
+
+
+def _is_listed_object(value: Any) -> bool:
+    """Whether it is a list of one object; of several in an image nothing says which is meant."""
+    return isinstance(value, list) and len(value) == 1 and isinstance(value[0], dict)
 
 
 def _numbered(leaves: list[tuple[str, Any]]) -> tuple[dict[str, list[Any]], set[str]]:

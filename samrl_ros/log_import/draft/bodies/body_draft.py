@@ -63,16 +63,17 @@ def draft_bodies(tracks: Sequence[LoggedTrack]) -> Draft | None:
     candidates = whole or [each for each in tracks if each.track.positioned]
     if not candidates or any(is_of_a_machine(each, tracks) for each in candidates):
         return None
-    # Topics of a bag, and labels of a file's rows, are things beside each other; files are one after another.
-    files = list(dict.fromkeys(each.path for each in candidates))
-    alike = {path: tuple((c.part, *c.track.used) for c in candidates if c.path == path) for path in files}
+    # Topics of a bag, and labels of a file's rows, are things beside each other; files are one after another,
+    # and so are a file's groups.
+    files = list(dict.fromkeys(each.motion for each in candidates))
+    alike = {file: tuple((c.part, *c.track.used) for c in candidates if c.motion == file) for file in files}
     if len(files) > 1 and len(set(alike.values())) > 1:
         return None  # tracks of several devices, not several motions of one body
-    first = [look_at(each) for each in candidates if each.path == files[0]]
+    first = [look_at(each) for each in candidates if each.motion == files[0]]
     chosen, question = choose_track(first)
     of_it = (chosen.each.part, chosen.each.track.used, chosen.each.track.stem)
     same = [c for c in candidates if (c.part, c.track.used, c.track.stem) == of_it]
-    runs = [chosen, *(look_at(each) for each in same if each.path != files[0])]
+    runs = [chosen, *(look_at(each) for each in same if each.motion != files[0])]
     pushing = sorted(name for name in chosen.each.table.columns if set(words_in(name)) & PUSHES)
     # What is pushed speeds up as well, and what a hand pushes along a plane does so beside no tip's column.
     if (pushing or _falls_along_a_plane(runs)) and not _most_fall_alike(runs):
@@ -90,7 +91,7 @@ def draft_bodies(tracks: Sequence[LoggedTrack]) -> Draft | None:
             "when is it free? Give each recording the `time_range` in which it touches the support alone:"
             " what is pushed tells no friction",
         )  # fmt: skip
-    draft.unused += [each.name for each in tracks if each.path == files[0] and each is not chosen.each]
+    draft.unused += [each.name for each in tracks if each.motion == files[0] and each is not chosen.each]
     track = _describe_track(chosen, fall, runs, draft)
     named = chosen.each.table.maker or set(chosen.each.track.stem) & BODIES
     draft.bodies = {"body": {"name": "_".join(chosen.each.track.stem)}} if named else {}
@@ -366,6 +367,11 @@ def _add_recordings(runs: Sequence[SeenTrack], draft: Draft) -> None:
     paths = [run.each.path for run in runs]
     if len(runs) == 1:
         draft.recordings = [{"name": paths[0].stem}]
+        return
+    if all(run.each.run for run in runs) and len(set(paths)) == 1:
+        draft.note("recordings", f"{len(runs)} groups with the same columns: motions of one body")
+        draft.sources["track"]["part"] = "{name}"
+        draft.recordings = [{"name": run.each.run} for run in runs]
         return
     suffix = paths[0].suffix
     if any(path.suffix != suffix or path.parent != paths[0].parent for path in paths):

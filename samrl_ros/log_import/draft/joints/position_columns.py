@@ -44,6 +44,8 @@ def find_joint_columns(table: Table, joints: Sequence[str], used: Sequence[str])
         if values.ndim == 1 and not counts_rows(values):
             flat.append(name)
         elif values.ndim == 2 and 1 < values.shape[1] <= len(joints) and _is_position(name):
+            if (np.nanmin(values, axis=0) == np.nanmax(values, axis=0)).all():
+                continue  # a camera's intrinsics in every row
             parts = tuple(Component(name, k) for k in range(values.shape[1]))
             of = tuple(joints[: values.shape[1]])
             found.append(JointColumns(of, parts, values, _unit(name, name, table), False, name))

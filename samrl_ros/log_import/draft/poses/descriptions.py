@@ -105,4 +105,4 @@ def is_inverse(seen: LoggedTrack) -> bool:
 def is_base_in_flange(carried: LoggedTrack) -> bool:
     """Whether names say that these are the base's poses in the flange."""
     child, parent = carried.likely_frames or (frozenset(), frozenset())
-    return bool(child & BASES and parent & CARRIED) and not carried.of_frames
+    return bool(child & BASES and parent & (CARRIED | CAMERAS)) and not carried.of_frames

@@ -30,6 +30,7 @@ from samrl_ros.log_import.draft.poses.pose_turns import LEAST_TURN, second_turn
 from samrl_ros.log_import.draft.tracks.angle_names import are_makers_letters
 from samrl_ros.log_import.draft.tracks.logged_tracks import LoggedTrack
 from samrl_ros.log_import.draft.tracks.pose_runs import PoseRuns, find_pose_runs
+from samrl_ros.log_import.draft.tracks.pose_tracks import lettered_frames
 from samrl_ros.log_import.draft.tracks.track_entries import (
     FAR,
     FoundTime,
@@ -128,6 +129,8 @@ def side_of(each: LoggedTrack) -> int:
     """1 of what a camera sees, -1 of what an arm carries, 0 where no name says it."""
     if each.role:
         return each.role
+    if each.is_camera_in_world:
+        return -1
     words = each.words | set().union(*each.frames or ())
     if not each.track.stem and each.track.named:  # rvec_x, tvec_x; X, Y, Z, A, B, C
         words |= {word for name in each.track.used for word in words_in(name)}
@@ -137,7 +140,8 @@ def side_of(each: LoggedTrack) -> int:
 
 def _roles(placed: list[LoggedTrack], draft: Draft) -> tuple[LoggedTrack, LoggedTrack]:
     """The target's poses and the flange's, by their names."""
-    ranked = sorted(placed, key=side_of, reverse=True)
+    # A world in the camera beside a flange is a board, beside an object in the camera it is what moves that.
+    ranked = sorted(placed, key=lambda each: (side_of(each), each.is_camera_in_world), reverse=True)
     seen, carried = ranked[0], ranked[-1]
     sure = side_of(seen) > 0 > side_of(carried) and len(placed) == 2
     question = "" if sure else f"is it the target as the camera sees it, and {carried.name} the flange's?"
@@ -260,6 +264,9 @@ def _describe(
     draft.poses, draft.closes_m = chosen.poses, chosen.closes_m
     question = _asked_of_chain(chosen, found, bool(told), size) or _asked_of_frames(seen, carried, chosen.arm)
     draft.note(f"poses.{chosen.arm}", reason, question)
+    if carried.is_camera_in_world and chosen.arm == "camera_arm":
+        draft.poses["camera_in_flange"] = {"position": [0.0, 0.0, 0.0], "rpy": [0.0, 0.0, 0.0]}
+        draft.note("poses.camera_in_flange", f"{carried.name} is the camera itself, by its letters")
     state(chosen.arm, chains, draft)
     stated = {"camera_in_flange", "camera_in_base"} & set(draft.poses)
     if not stated and (turn := second_turn(chosen.recording)) < LEAST_TURN:
@@ -312,6 +319,8 @@ def state(arm: str, chains: FoundChains | None, draft: Draft) -> None:
 
 def _asked_of_frames(seen: LoggedTrack, carried: LoggedTrack, arm: str) -> str:
     """What only names say: that no track is given the other way round."""
+    if carried.is_camera_in_world and lettered_frames(seen.track.stem):
+        return ""
     if seen.frames and carried.frames:
         (child, parent), (flange, base) = seen.frames, carried.frames
         told = seen.of_frames or is_inverse(seen) or (parent & CAMERAS and not child & CAMERAS)

@@ -17,6 +17,7 @@ from samrl_ros.log_import.draft import evidence
 from samrl_ros.log_import.draft.blocks import ROS_TYPES, numbers_of
 from samrl_ros.log_import.draft.column_names import is_time, meaning, words_in
 from samrl_ros.log_import.draft.guess import Draft
+from samrl_ros.log_import.draft.split_stamp import SplitStamp, split_stamp
 from samrl_ros.log_import.draft.tracks.track_entries import SECONDS
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics
 from samrl_ros.log_import.specs import CsvOptions
@@ -25,9 +26,10 @@ from samrl_ros.log_import.tables import read_table
 
 LEAST = 50  # stamps of two clocks
 ARRIVAL = frozenset("receive received recv arrival arrived bag log".split())
-HOST = ARRIVAL | frozenset("host system pc ptp local ros reference ref".split())
+HOST = ARRIVAL | frozenset("trigger host system pc ptp local ros reference ref".split())
 DEVICE = frozenset("device camera cam sensor hardware hw header exposure image imu driver mcu robot".split())
 COUNTERS = frozenset("frame frames seq index id number count".split())
+RUNS_ON = 0.9  # share of the steps that do not go back
 RUNS_ALIKE = 0.999  # correlation of two clocks
 FAR_APART_S = 5.0  # that no clock is off, which counts from the same moment
 EPOCH_S = 1e8  # since 1970, beyond which a clock tells the date
@@ -57,12 +59,18 @@ class Clocks:
 
 
 def find_clocks(table: Table) -> Clocks | None:
-    """Stamps of the same events, by their names, in a table that holds little else."""
+    """Stamps of the same events, by their names, in a table that holds little else.
+
+    What stays as it is (a gain, an exposure) is a setting, and a time that does not run on is a duration.
+    """
     stamps: dict[str, np.ndarray] = {}
     counters: dict[str, np.ndarray] = {}
+    rests = {split.rest for name in table.columns if (split := split_stamp(table, name)) is not None}
     for name in table.columns:
-        values = numbers_of(table, name)
+        values = None if name in rests else _stamps_in(table, name)
         if values is None or values.ndim != 1 or np.isfinite(values).sum() < LEAST:
+            continue
+        if np.nanmin(values) == np.nanmax(values) or (is_time(name) and not _runs_on(values)):
             continue
         words = set(words_in(name))
         if words & COUNTERS and not is_time(name):
@@ -85,11 +93,12 @@ def find_clocks(table: Table) -> Clocks | None:
     return None
 
 
-def describe_clocks(clocks: Clocks, tables: Sequence[Table], draft: Draft) -> tuple[str, str]:
+def describe_clocks(clocks: Clocks, tables: Sequence[Table], draft: Draft) -> tuple[str, ...]:
     """Roles and units of two clocks of the first table, with the others alike; the columns used."""
     device, host = clocks.device, clocks.host
-    values = {name: np.asarray(tables[0].numbers(name, "the log")) for name in (device, host)}
-    units = {host: _unit(host, values[host], draft)}
+    values = {name: _read_stamps(tables[0], name) for name in (device, host)}
+    split = {name: split_stamp(tables[0], name) for name in (device, host)}
+    units = {host: _unit(host, values[host], split[host], draft)}
     by = {host: SECONDS[units[host]]}
     if clocks.counts:
         frames, time = values[device], by[host] * values[host]
@@ -103,22 +112,30 @@ def describe_clocks(clocks: Clocks, tables: Sequence[Table], draft: Draft) -> tu
         )  # fmt: skip
     else:
         draft.note("readings", f"{device!r} are a device's stamps, {host!r} another clock's: by their names")
-        units[device] = _unit(device, values[device], draft)
+        units[device] = _unit(device, values[device], split[device], draft)
         by[device] = SECONDS[units[device]]
     shift = _shift(by, clocks, tables, draft)
-    formulas = ["device", "host"]
+    columns = {"device": device, "host": host}
+    names = dict.fromkeys(columns, "")
+    for role, column in list(columns.items()):
+        names[role] = role
+        if (two := split[column]) is not None:
+            columns[f"{role}_rest"] = two.rest
+            names[role] = f"({role} + {two.unit:g} * {role}_rest)"
+    formulas = [names["device"], names["host"]]
     unit = units[host]
     if units[device] != units[host] or shift:
-        own = f"device / {round(1.0 / by[device])}" if clocks.counts else f"{by[device]:g} * device"
-        formulas = [f"{own} + {shift!r}" if shift else own, f"{by[host]:g} * host"]
+        own = f"device / {round(1.0 / by[device])}" if clocks.counts else _in_seconds(by[device], formulas[0])
+        formulas = [f"{own} + {shift!r}" if shift else own, _in_seconds(by[host], formulas[1])]
         unit = "s"
-    columns = {"device": device, "host": host}
-    draft.sources["log"] = {"time": {"column": host, "unit": units[host]}, "columns": columns}
+    two = split[host]
+    clock = {"column": host, "unit": units[host]} if two is None else dict(two.entry)
+    draft.sources["log"] = {"time": clock, "columns": columns}
     time = values[host][np.isfinite(values[host])]
     if (np.diff(time) <= 0).any():
         draft.sources["log"]["time"]["repeated"] = "drop"
     draft.readings = {"quantity": "stamp", "reading": formulas[0], "reference": formulas[1], "unit": unit}
-    return device, host
+    return tuple(columns.values())
 
 
 def draft_stamped_topic(paths: Sequence[Path]) -> Draft | None:
@@ -158,8 +175,33 @@ def draft_stamped_topic(paths: Sequence[Path]) -> Draft | None:
     return draft
 
 
-def _unit(name: str, values: np.ndarray, draft: Draft) -> str:
+def _stamps_in(table: Table, name: str) -> np.ndarray | None:
+    """A column of numbers; of a stamp's whole seconds the stamp with its rest [s]."""
+    split = split_stamp(table, name)
+    return numbers_of(table, name) if split is None else split.seconds
+
+
+def _read_stamps(table: Table, name: str) -> np.ndarray:
+    """The same of a column that holds some."""
+    split = split_stamp(table, name)
+    return np.asarray(table.numbers(name, "the log")) if split is None else split.seconds
+
+
+def _in_seconds(factor: float, formula: str) -> str:
+    return formula if factor == 1.0 else f"{factor:g} * {formula}"
+
+
+def _runs_on(values: np.ndarray) -> bool:
+    """Whether stamps mostly increase: a duration, as an exposure, goes up and down."""
+    steps = np.diff(values[np.isfinite(values)])
+    return float((steps >= 0).mean()) > RUNS_ON
+
+
+def _unit(name: str, values: np.ndarray, split: SplitStamp | None, draft: Draft) -> str:
     """In which a clock's stamps are, by its name or its steps."""
+    if split is not None:
+        draft.note("readings", f"{split.proof} are one stamp")
+        return "s"
     said, found = meaning(name).unit, evidence.time_unit(np.diff(values[np.isfinite(values)]))
     if name.startswith(("header.stamp", "log_time")):
         said = "s"  # of a bag's messages
@@ -173,7 +215,7 @@ def _shift(by: dict[str, float], clocks: Clocks, tables: Sequence[Table], draft:
     """Seconds that take a device's clock to the host's where their offset says nothing; else 0."""
     apart, dates = [], []
     for table in tables:
-        a, b = (by[name] * table.numbers(name, "the log") for name in (clocks.device, clocks.host))
+        a, b = (by[name] * _read_stamps(table, name) for name in (clocks.device, clocks.host))
         both = np.flatnonzero(np.isfinite(a) & np.isfinite(b))[:LEAST]
         apart.append(round(float(np.median(b[both] - a[both])), 6))
         dates.append(float(min(a[both[0]], b[both[0]])) > EPOCH_S)

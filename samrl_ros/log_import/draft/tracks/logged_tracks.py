@@ -28,9 +28,11 @@ from samrl_ros.log_import.draft.tracks.found_track import LEAST, FoundTrack
 from samrl_ros.log_import.draft.tracks.pose_tracks import (
     empty_zeros,
     find_positions,
+    lettered_frames,
     named_frames,
     position_of,
 )
+from samrl_ros.log_import.formats.hdf5 import SUFFIXES as HDF5_SUFFIXES
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics, read_frames
 from samrl_ros.log_import.formats.text import rows_of
 from samrl_ros.log_import.formats.transform_tree import frames_of
@@ -71,6 +73,7 @@ class LoggedTrack:
     header: tuple[str, str] = ("", "")  # child and parent frame, of a bag
     csv: CsvOptions = CsvOptions()  # how the file is written
     role: int = 0  # 1 of a target that is seen, -1 of a flange, where a tree of frames says it
+    run: str = ""  # group of a file that holds one motion in each
 
     @property
     def frames(self) -> tuple[frozenset[str], frozenset[str]] | None:
@@ -95,6 +98,12 @@ class LoggedTrack:
         return frozenset(names[1:]), frozenset(names[:1])
 
     @property
+    def is_camera_in_world(self) -> bool:
+        """Whether it is the camera's own pose by letters, as w2c: the arm's with the hand-eye calibration."""
+        frames = lettered_frames(self.track.stem)
+        return frames is not None and {frames[0], frames[1]} in ({"camera", "world"}, {"camera", "base"})
+
+    @property
     def of_frames(self) -> bool:
         """Whether a tree of frames gives it, which says what is given in what."""
         return frames_of(self.part) is not None
@@ -109,12 +118,17 @@ class LoggedTrack:
     @property
     def name(self) -> str:
         """For sentences."""
-        return f"{name_of_file(self.path)}: {self.part or self.track.names}"
+        return f"{name_of_file(self.path)}: {self.run and f'{self.run}/'}{self.part or self.track.names}"
 
     @property
     def place(self) -> tuple[str, str]:
         """File and part: tracks of one place share a source."""
-        return name_of_file(self.path), self.part
+        return name_of_file(self.path), self.run or self.part
+
+    @property
+    def motion(self) -> tuple[Path, str]:
+        """File, and group of it, that hold one motion."""
+        return self.path, self.run
 
     @property
     def position(self) -> np.ndarray:
@@ -131,6 +145,7 @@ class LoggedTable:
     part: str = ""
     header: tuple[str, str] = ("", "")
     csv: CsvOptions = CsvOptions()
+    run: str = ""
 
     def tracks(self) -> list[LoggedTrack]:
         """Its poses and positions; of a topic the one that was seen most often."""
@@ -139,13 +154,15 @@ class LoggedTable:
     @cached_property
     def _tracks(self) -> list[LoggedTrack]:
         # Once: zeros that a tracker wrote for lost frames are empty from then on, and would not be counted.
-        moved = [track for track in find_positions(self.table) if not _counts_rows(self.table, track)]
+        found = find_positions(self.table, plural=bool(self.run))
+        moved = [track for track in found if not _counts_rows(self.table, track)]
         found = _without_commands(moved)
         if self.part:
             found = sorted(found, key=lambda each: -_count_seen(self.table, each))[:1]
         for track in found:
             empty_zeros(self.table, track)
-        return [LoggedTrack(self.path, self.table, t, self.part, self.header, self.csv) for t in found]
+        where = (self.part, self.header, self.csv)
+        return [LoggedTrack(self.path, self.table, t, *where, run=self.run) for t in found]
 
 
 def _count_seen(table: Table, track: FoundTrack) -> int:
@@ -204,8 +221,32 @@ def _tables_of(path: Path, alone: bool = False) -> list[LoggedTable]:
         return []
     options = text_options(path)
     whole = LoggedTable(path, read_table(path, options, "the log", ""), csv=options)
-    labelled = split_by_label(whole) if text else []
+    labelled = split_by_label(whole) if text else split_by_group(whole)
     return labelled or [whole]
+
+
+def split_by_group(whole: LoggedTable) -> list[LoggedTable]:
+    """Tables of the groups of an HDF5 file, where each holds one motion and its time; empty of any other.
+
+    Groups of a machine hold more beside a position, and one motion's parts have columns of their own.
+    """
+    if whole.path.suffix.lower() not in HDF5_SUFFIXES:
+        return []
+    groups: dict[str, dict[str, np.ndarray | pd.Series]] = {}
+    for name, values in whole.table.columns.items():
+        group, _, own = name.rpartition(".")
+        groups.setdefault(group, {})[own] = values
+    if len(groups) < 2 or "" in groups or len({frozenset(columns) for columns in groups.values()}) > 1:
+        return []
+    tables = []
+    for group, columns in groups.items():
+        table = replace(whole.table, columns=columns)
+        each = LoggedTable(whole.path, table, run=group.replace(".", "/"))
+        used = {name for track in each.tracks() for name in track.track.used}
+        if len(each.tracks()) != 1 or any(not is_time(name) for name in columns if name not in used):
+            return []
+        tables.append(each)
+    return tables
 
 
 def split_by_label(whole: LoggedTable) -> list[LoggedTable]:

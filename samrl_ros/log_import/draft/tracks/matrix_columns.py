@@ -6,6 +6,7 @@ import numpy as np
 
 ROWS, COLUMNS = "rows", "columns"
 _TURNED = 1e-3  # by which a rotation of a log may be no rotation
+_ROUNDED = 0.02  # likewise of nine numbers called a rotation, which may have two decimals
 WIDTHS = (12, 16)
 
 
@@ -35,9 +36,15 @@ def row_by_row(width: int, order: str) -> list[int]:
     return [int(k) for k in (places.reshape(4, -1).T.ravel() if order == COLUMNS else places)]
 
 
-def _are_transforms(matrices: np.ndarray) -> bool:
+def are_rotations(numbers: np.ndarray) -> bool:
+    """Whether rows (N, 9) are rotations: nine numbers are a camera's intrinsics or a covariance as well."""
+    seen = numbers[np.isfinite(numbers).all(axis=1)]
+    return bool(len(seen)) and _are_transforms(seen.reshape(-1, 3, 3), _ROUNDED)
+
+
+def _are_transforms(matrices: np.ndarray, within: float = _TURNED) -> bool:
     turns = matrices[:, :3, :3]
     off = float(np.abs(turns @ np.swapaxes(turns, 1, 2) - np.eye(3)).max())
     if matrices.shape[1] == 4:
         off = max(off, float(np.abs(matrices[:, 3] - [0.0, 0.0, 0.0, 1.0]).max()))
-    return off < _TURNED and bool((np.linalg.det(turns) > 0).all())
+    return off < within and bool((np.linalg.det(turns) > 0).all())

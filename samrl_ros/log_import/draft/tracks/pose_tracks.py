@@ -12,8 +12,8 @@ from samrl_ros.log_import.draft.blocks import numbers_of
 from samrl_ros.log_import.draft.column_names import FRAME_LETTERS, is_time
 from samrl_ros.log_import.draft.tracks.angle_names import LETTERS, OPENCV, add_makers_angles, part_opencv
 from samrl_ros.log_import.draft.tracks.found_track import LEAST, Component, FoundTrack, matrix_parts
-from samrl_ros.log_import.draft.tracks.matrix_columns import WIDTHS
-from samrl_ros.log_import.draft.tracks.unnamed_tracks import find_unnamed
+from samrl_ros.log_import.draft.tracks.matrix_columns import WIDTHS, are_rotations
+from samrl_ros.log_import.draft.tracks.unnamed_tracks import are_mostly_quaternions, find_unnamed
 from samrl_ros.log_import.table import Table
 
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
@@ -39,8 +39,13 @@ def find_tracks(table: Table) -> list[FoundTrack]:
     return [track for track in find_positions(table) if track.whole]
 
 
-def find_positions(table: Table) -> list[FoundTrack]:
-    """Every pose, and every position of one to three axes, in the order of the columns."""
+def find_positions(table: Table, plural: bool = False) -> list[FoundTrack]:
+    """Every pose, and every position of one to three axes, in the order of the columns.
+
+    Args:
+        table: of the log.
+        plural: whether an array called `positions` is a body's; of a whole log they are as often joints'.
+    """
     found: dict[tuple[str, ...], FoundTrack] = {}
     single: dict[tuple[tuple[str, ...], str], dict[str, str]] = defaultdict(dict)
     units: dict[tuple[tuple[str, ...], str], str] = {}
@@ -54,6 +59,8 @@ def find_positions(table: Table) -> list[FoundTrack]:
             continue
         arrays[name] = values
         words = _words_of(name)
+        if plural:
+            words = ["position" if word == "positions" else word for word in words]
         unit = table.units.get(name, "")
         if len(words) > 1 and words[-1] in _UNITS:
             unit, words = unit or _UNITS[words[-1]], words[:-1]
@@ -181,6 +188,10 @@ def _add_array(
         return
     if width < 4 and not set(words) & (known | _VECTOR):  # two or three numbers are joints as well
         return
+    if width == 9 and not are_rotations(values):
+        return
+    if width == 7 and not are_mostly_quaternions(values[:, 3:]):  # the joints of an arm are as many
+        return
     if kind == "planar":
         if (np.diff(values[np.isfinite(values[:, 0]), 0]) > 0).all():
             parts = [Component(name, k) for k in range(4)]
@@ -281,8 +292,17 @@ def time_columns(table: Table, used: list[str]) -> list[str]:
     return [name for name in table.columns if is_time(name) and name not in used]
 
 
+def lettered_frames(words: tuple[str, ...]) -> tuple[str, str] | None:
+    """(child, parent) of a name that says both by letters, as BOP's cam_R_m2c, cam_t_w2c; else None."""
+    k = words.index("2", 1) if "2" in words[1:-1] else 0
+    child, parent = (FRAME_LETTERS.get(word, "") for word in (words[k - 1], words[k + 1])) if k else ("", "")
+    return (child, parent) if child and parent else None
+
+
 def named_frames(words: tuple[str, ...]) -> tuple[str, str] | None:
     """(child, parent) of a name that says both, as tag2cam, tag_in_cam, tag_wrt_cam, cam_T_tag; else None."""
+    if (lettered := lettered_frames(words)) is not None:
+        return lettered
     for between, flipped in (
         ("2", False),
         ("to", False),

@@ -79,3 +79,10 @@ def _find_in_array(name: str, numbers: np.ndarray) -> list[FoundTrack]:
 def _are_quaternions(numbers: np.ndarray) -> bool:
     """Whether rows (N, 4) have length 1."""
     return float(np.abs(np.linalg.norm(numbers, axis=1) - 1.0).max()) < _UNIT_LENGTH
+
+
+def are_mostly_quaternions(numbers: np.ndarray) -> bool:
+    """Whether most rows (N, 4) that say something have length 1: lost frames are empty, or zeros."""
+    length = np.linalg.norm(numbers, axis=1)
+    length = length[np.isfinite(length) & (length > 0.0)]
+    return bool(len(length)) and float(np.median(np.abs(length - 1.0))) < _UNIT_LENGTH

@@ -76,6 +76,21 @@ def test_mistakes_at_an_end_are_no_slip() -> None:
     assert _diagnosis(trial.recording).verdict == "no_gap"
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_push_between_views_at_rest_shows_among_mistakes(seed: int) -> None:
+    """Four of forty views by a wrong detection left more than the push did, and it passed as noise."""
+    trial = _trial(record(PoseWorld(at_rest=True, moved_at=39.0, wrong_detections=4), seed))
+    slip = find_slip(trial)
+    assert "from 40 s (or row) on the target or a base sits elsewhere" in slip
+    (turned,) = re.findall(r"and ([\d.]+) mrad", slip)
+    assert 80.0 < float(turned) < 120.0  # of 100 mrad
+
+
+@pytest.mark.parametrize("seed", range(1, 9))
+def test_mistakes_in_views_at_rest_are_no_slip(seed: int) -> None:
+    assert find_slip(_trial(record(PoseWorld(at_rest=True, wrong_detections=6), seed))) == ""
+
+
 def _bent(size: float, seed: int = 1) -> PoseRecording:
     """Distances that are off by the place in the image, as by the tangential terms of a lens."""
     whole = record(PoseWorld(at_rest=True), seed)

@@ -76,7 +76,7 @@ class Poses(Kind[PoseRecording]):
         out = solved([t.recording for t in made])[1] if made else []
         for trial in made:
             turned = trial.chain.time[~agreeing_views(trial.chain)]
-            if len(turned):
+            if len(turned) and trial.constants.free:  # else nothing was solved for without them
                 named = ", ".join(f"{stamp:g}" for stamp in turned[:MOST_NAMED])
                 out.append(
                     f"{trial.name}: {len(turned)} of {len(trial.chain.time)} poses turn otherwise"

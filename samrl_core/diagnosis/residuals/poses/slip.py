@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from samrl_core.diagnosis.residuals.poses.image_pattern import explained_by_chance
@@ -30,25 +32,21 @@ def find_slip(trial: PoseTrial) -> str:
     typical = 1.4826 * np.median(np.abs(left), axis=0)
     u, strength, _ = np.linalg.svd(columns.reshape(len(columns), -1).T, full_matrices=False)
     basis = u[:, strength > 1e-9 * strength[0]]
-    values = np.clip(left, -FAR_APART * typical, FAR_APART * typical).reshape(-1)
-    values = values - basis @ (basis.T @ values)
+    clipped = np.clip(left, -FAR_APART * typical, FAR_APART * typical).reshape(-1)
     noise = trial.noise.at(trial.views)
     links = {name: trial.at_target(twists) / noise for name, twists in trial.links.items()}
-
-    def explains(begin: int) -> tuple[float, str]:
-        return max((_explained(values, basis, _since(link, begin)), name) for name, link in links.items())
-
-    step = max(1, (count - 2 * LEAST_VIEWS) // GRID)
-    tried = {k: explains(k) for k in range(LEAST_VIEWS, count - LEAST_VIEWS + 1, step)}
-    near = max(tried, key=tried.__getitem__)
-    tried |= {
-        k: explains(k)
-        for k in range(max(near - step, LEAST_VIEWS), min(near + step, count - LEAST_VIEWS) + 1)
-        if k not in tried
-    }
+    tried = _explained_since(clipped, basis, links)
+    # Even clipped, a few gross mistakes leave as much as a slip: they count by how far they are from it.
+    weight = np.ones(clipped.size)
+    for _ in range(ROUNDS):
+        begin = max(tried, key=tried.__getitem__)
+        weight = _weights(clipped, np.hstack([basis, _since(links[tried[begin][1]], begin)]), weight, count)
+    values, basis = clipped * weight, np.linalg.qr(basis * weight[:, None])[0]
+    links = {key: link * weight.reshape(count, -1) for key, link in links.items()}
+    tried = _explained_since(values, basis, links)
     begin = max(tried, key=tried.__getitem__)
     share, name = tried[begin]
-    design = _since(links[name], begin)
+    values, design = values - basis @ (basis.T @ values), _since(links[name], begin)
     change, rest = _robust_fit(design - basis @ (basis.T @ design), values, count)
     alike = _samples_that_count_as_one(rest) if trial.recording.timed else 1.0
     # The moment and the transform were looked for, which takes as many terms again.
@@ -63,6 +61,35 @@ def find_slip(trial: PoseTrial) -> str:
         f" {1e3 * size[0]:.1f} mm and {1e3 * size[1]:.1f} mrad, than before: it slipped or was pushed;"
         " diagnose both parts by themselves, as `rows` or `time_range` in a mapping cuts them"
     )
+
+
+def _explained_since(
+    values: np.ndarray, basis: np.ndarray, links: Mapping[str, np.ndarray]
+) -> dict[int, tuple[float, str]]:
+    """The share of what a basis leaves that a change of one link explains, and which, by its first view."""
+    count = next(iter(links.values())).shape[1]
+    values = values - basis @ (basis.T @ values)
+
+    def explains(begin: int) -> tuple[float, str]:
+        return max((_explained(values, basis, _since(link, begin)), name) for name, link in links.items())
+
+    step = max(1, (count - 2 * LEAST_VIEWS) // GRID)
+    tried = {k: explains(k) for k in range(LEAST_VIEWS, count - LEAST_VIEWS + 1, step)}
+    near = max(tried, key=tried.__getitem__)
+    return tried | {
+        k: explains(k)
+        for k in range(max(near - step, LEAST_VIEWS), min(near + step, count - LEAST_VIEWS) + 1)
+        if k not in tried
+    }
+
+
+def _weights(values: np.ndarray, design: np.ndarray, weight: np.ndarray, views: int) -> np.ndarray:
+    """Roots of Cauchy weights (M,), one for each view, about the fit of a design with the weights before."""
+    found = np.linalg.lstsq(design * weight[:, None], values * weight, rcond=1e-6)[0]
+    left = (values - design @ found).reshape(views, -1)
+    size = np.sqrt(np.mean(left**2, axis=1))
+    level = max(float(np.median(size)), 1e-9)
+    return np.repeat(1.0 / np.sqrt(1.0 + (size / (2.5 * level)) ** 2), left.shape[1])
 
 
 def _since(link: np.ndarray, begin: int) -> np.ndarray:
@@ -83,12 +110,9 @@ def _robust_fit(design: np.ndarray, values: np.ndarray, views: int) -> tuple[np.
     """Amplitudes (6,), and what is left (views, 6)."""
     weight = np.ones(len(values))
     for _ in range(ROUNDS):
-        found = np.linalg.lstsq(design * weight[:, None], values * weight, rcond=1e-6)[0]
-        left = (values - design @ found).reshape(views, -1)
-        size = np.sqrt(np.mean(left**2, axis=1))
-        level = max(float(np.median(size)), 1e-9)
-        weight = np.repeat(1.0 / np.sqrt(1.0 + (size / (2.5 * level)) ** 2), left.shape[1])
-    return found, left
+        weight = _weights(values, design, weight, views)
+    found = np.linalg.lstsq(design * weight[:, None], values * weight, rcond=1e-6)[0]
+    return found, (values - design @ found).reshape(views, -1)
 
 
 def _samples_that_count_as_one(left: np.ndarray) -> float:

@@ -86,6 +86,18 @@ def test_a_push_between_views_at_rest_shows_among_mistakes(seed: int) -> None:
     assert 80.0 < float(turned) < 120.0  # of 100 mrad
 
 
+def test_a_map_that_drifts_did_not_slip() -> None:
+    """Half of what it drifts was told as a slip at half time."""
+    whole = record(PoseWorld(at_rest=True))
+    time = whole.seen.time
+    turned = Rotation.from_rotvec(np.outer(time / time[-1], [0.0, 0.0, 0.08]))
+    quat = (Rotation.from_quat(whole.seen.quat_xyzw) * turned).as_quat()
+    slip = find_slip(_trial(replace(whole, seen=PoseTrack(time, whole.seen.position, quat))))
+    assert "moves steadily as time passes" in slip
+    (far,) = re.findall(r"and ([\d.]+) mrad", slip)
+    assert 75.0 < float(far) < 85.0
+
+
 @pytest.mark.parametrize("seed", range(1, 9))
 def test_mistakes_in_views_at_rest_are_no_slip(seed: int) -> None:
     assert find_slip(_trial(record(PoseWorld(at_rest=True, wrong_detections=6), seed))) == ""

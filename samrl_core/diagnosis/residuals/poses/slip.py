@@ -1,4 +1,4 @@
-"""Whether something was moved while poses were recorded: from one view on, one transform differs."""
+"""Whether something moved while poses were recorded: one transform differs from one view on, or steadily."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ WHAT = {"camera": "the camera", "base": "the target or a base", "target": "the t
 def find_slip(trial: PoseTrial) -> str:
     """Since when one transform of the chain differs, which, and by how much, in words; else empty.
 
+    One that changes evenly from the first view to the last explains more by that than by any one moment.
     The moment and the transform whose change explains most are looked for; constants that differ all along
     are out of it. Mistakes of a detector have no transform in common, and explain little together.
     """
@@ -37,9 +38,8 @@ def find_slip(trial: PoseTrial) -> str:
     links = {name: trial.at_target(twists) / noise for name, twists in trial.links.items()}
     tried = _explained_since(clipped, basis, links)
     # Even clipped, a few gross mistakes leave as much as a slip: they count by how far they are from it.
-    weight = np.ones(clipped.size)
+    begin, weight = max(tried, key=tried.__getitem__), np.ones(clipped.size)
     for _ in range(ROUNDS):
-        begin = max(tried, key=tried.__getitem__)
         weight = _weights(clipped, np.hstack([basis, _since(links[tried[begin][1]], begin)]), weight, count)
     values, basis = clipped * weight, np.linalg.qr(basis * weight[:, None])[0]
     links = {key: link * weight.reshape(count, -1) for key, link in links.items()}
@@ -47,6 +47,11 @@ def find_slip(trial: PoseTrial) -> str:
     begin = max(tried, key=tried.__getitem__)
     share, name = tried[begin]
     values, design = values - basis @ (basis.T @ values), _since(links[name], begin)
+    steady, drifting = max(
+        (_explained(values, basis, _over_time(link, trial)), k) for k, link in links.items()
+    )
+    if steady > share:
+        share, name, design = steady, drifting, _over_time(links[drifting], trial)
     change, rest = _robust_fit(design - basis @ (basis.T @ design), values, count)
     alike = _samples_that_count_as_one(rest) if trial.recording.timed else 1.0
     # The moment and the transform were looked for, which takes as many terms again.
@@ -56,6 +61,12 @@ def find_slip(trial: PoseTrial) -> str:
     small = size[0] < LARGE * stated.detection_position and size[1] < LARGE * stated.detection_rotation
     if share < EXPLAINED or chance * len(tried) > CHANCE or small:
         return ""
+    if steady == share:
+        return (
+            f"{trial.name}: {WHAT[name]} moves steadily as time passes, by {1e3 * size[0]:.1f} mm and"
+            f" {1e3 * size[1]:.1f} mrad from the first view to the last: an odometry or a map that drifts, or"
+            " what gives way under load"
+        )
     return (
         f"{trial.name}: from {trial.chain.time[begin]:g} s (or row) on {WHAT[name]} sits elsewhere, by"
         f" {1e3 * size[0]:.1f} mm and {1e3 * size[1]:.1f} mrad, than before: it slipped or was pushed;"
@@ -97,6 +108,12 @@ def _since(link: np.ndarray, begin: int) -> np.ndarray:
     out = link.copy()
     out[:, :begin] = 0.0
     return out.reshape(6, -1).T
+
+
+def _over_time(link: np.ndarray, trial: PoseTrial) -> np.ndarray:
+    """Columns (6 N, 6) of a link's twists (6, N, 6) that grow from 0 to 1 over the recording."""
+    time = trial.chain.time - trial.chain.time[0]
+    return (link * (time / time[-1])[None, :, None]).reshape(6, -1).T
 
 
 def _explained(values: np.ndarray, basis: np.ndarray, design: np.ndarray) -> float:

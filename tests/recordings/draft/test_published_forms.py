@@ -11,6 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from samrl_core.diagnosis.residuals.poses.solve import closing_error
 from samrl_ros.log_import.draft.any_draft import draft_any
+from samrl_ros.log_import.draft.poses.descriptions import is_inverse
+from samrl_ros.log_import.draft.poses.pose_draft import side_of
+from samrl_ros.log_import.draft.tracks.logged_tracks import read_logged_tables
 from samrl_ros.log_import.draft.tracks.pose_tracks import find_positions
 from samrl_ros.log_import.draft.writing import as_yaml
 from samrl_ros.log_import.formats.json_log import read_json_table
@@ -19,7 +22,7 @@ from samrl_ros.log_import.specs import CsvOptions
 from samrl_ros.log_import.table import Table
 from samrl_ros.log_import.tables import read_table
 
-VIEWS = 16
+VIEWS = 9
 
 
 def transforms(rng: np.random.Generator, spread: float) -> np.ndarray:
@@ -56,6 +59,19 @@ def test_a_scene_of_bop_is_a_chain_whose_flange_is_the_camera(tmp_path: Path) ->
     assert draft.poses["camera_in_flange"]["position"] == [0.0, 0.0, 0.0]
     (one,) = poses_of(as_yaml(draft), tmp_path / "m.yaml", tmp_path)
     assert closing_error(one.recording) < 1e-6
+
+
+def test_a_trajectory_of_slam_is_the_camera_in_its_own_map(tmp_path: Path) -> None:
+    """Taken before for a flange, and what carries the camera for a target that it sees."""
+    rows = np.column_stack(
+        [1.4e9 + np.arange(VIEWS), np.eye(VIEWS, 3), np.tile([0.0, 0.0, 0.6, 0.8], (VIEWS, 1))]
+    )
+    sides = {}
+    for name in ("groundtruth", "CameraTrajectory", "stamped_vio"):
+        np.savetxt(tmp_path / f"{name}.txt", rows, fmt="%.7f")
+        (track,) = read_logged_tables([tmp_path / f"{name}.txt"])[0].tracks()
+        sides[name] = side_of(track), is_inverse(track)
+    assert sides == {"groundtruth": (0, False), "CameraTrajectory": (1, True), "stamped_vio": (1, True)}
 
 
 def test_of_several_objects_in_an_image_none_is_taken_in_silence(tmp_path: Path) -> None:

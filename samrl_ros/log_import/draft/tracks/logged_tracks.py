@@ -22,6 +22,7 @@ from samrl_ros.log_import.draft.column_names import (
     MEASURED,
     SEEN,
     is_time,
+    words_in,
 )
 from samrl_ros.log_import.draft.text_layout import text_options
 from samrl_ros.log_import.draft.tracks.found_track import LEAST, FoundTrack
@@ -58,6 +59,7 @@ _FILE_OF_FRAMES = re.compile(r"(?<![a-z])([a-z]+)(?:2|_to_|_in_|_wrt_)([a-z]+)")
 _KNOWN_FRAMES = SEEN | CARRIED | CAMERAS | BASES
 _TRANSFORMS = frozenset("t tf h x pose transform".split())  # T_base_ee
 _COMMANDED, _MEASURED = frozenset(COMMANDED.split()), frozenset(MEASURED.split())
+SLAM = frozenset("slam vio orbslam orb vins okvis rovio svo dso".split())  # in names of files
 MOST_LABELS = 16  # things that rows of one file are of
 SHARED = 0.5  # of the time, that things beside each other are seen together
 
@@ -102,6 +104,12 @@ class LoggedTrack:
         """Whether it is the camera's own pose by letters, as w2c: the arm's with the hand-eye calibration."""
         frames = lettered_frames(self.track.stem)
         return frames is not None and {frames[0], frames[1]} in ({"camera", "world"}, {"camera", "base"})
+
+    @property
+    def is_camera_in_map(self) -> bool:
+        """Whether its file says that a camera found itself in its own map, as ORB-SLAM's CameraTrajectory."""
+        words = set() if self.part else set(words_in(self.path.stem))
+        return bool(words & SLAM) or {"camera", "trajectory"} <= words or {"key", "frame"} <= words
 
     @property
     def of_frames(self) -> bool:

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from samrl_core.common.errors import InputError
+from samrl_ros.log_import.formats.colmap import is_colmap, read_colmap
 from samrl_ros.log_import.formats.encoding import decoded_text
 from samrl_ros.log_import.formats.measurement_exports import is_measurement_export, read_measurement_export
 from samrl_ros.log_import.formats.motion_capture import read_motion_capture
@@ -85,10 +86,12 @@ def read_text_table(path: Path, part: str, options: CsvOptions, where: str) -> T
 
 def is_known_export(path: Path, lines: Sequence[str]) -> bool:
     """Whether a text that begins with these lines says itself how it is laid out."""
-    return read_motion_capture(path, lines) is not None or is_measurement_export(lines)
+    return is_colmap(lines) or read_motion_capture(path, lines) is not None or is_measurement_export(lines)
 
 
 def _read_known_export(path: Path, lines: Sequence[str]) -> Table | None:
+    if (images := read_colmap(path, lines)) is not None:
+        return images
     captured = read_motion_capture(path, lines)
     return captured if captured is not None else read_measurement_export(path, lines)
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.residuals.poses.solve import closing_error
 from samrl_ros.log_import.draft.any_draft import draft_any
 from samrl_ros.log_import.draft.poses.descriptions import is_inverse
@@ -72,6 +73,20 @@ def test_a_trajectory_of_slam_is_the_camera_in_its_own_map(tmp_path: Path) -> No
         (track,) = read_logged_tables([tmp_path / f"{name}.txt"])[0].tracks()
         sides[name] = side_of(track), is_inverse(track)
     assert sides == {"groundtruth": (0, False), "CameraTrajectory": (1, True), "stamped_vio": (1, True)}
+
+
+def test_images_of_colmap_see_their_world_as_a_target(tmp_path: Path) -> None:
+    """The robot's file beside it was a body that slides, and COLMAP's was passed over in silence."""
+    names = [f"{k:03d}.png" for k in range(VIEWS)][::-1]
+    rows = [f"{k + 1} 0.8 0.6 0 0 {k} 2 3 1 {name}\n\n" for k, name in enumerate(names)]
+    head = "# Image list with two lines of data per image:\n#   IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, ...\n"
+    (tmp_path / "images.txt").write_text(head + "".join(rows))
+    (track,) = read_logged_tables([tmp_path])[0].tracks()
+    assert track.track.whole and track.track.order == "xyzw" and side_of(track) == 1 and not is_inverse(track)
+    assert track.position[:, 0].tolist() == list(range(VIEWS))[::-1]  # in the order of their names
+    (tmp_path / "images.txt").write_text(head + "1 0.8 0.6 0 0 1 2 3\n\n")
+    with pytest.raises(InputError, match="has 10 entries"):
+        read_table(tmp_path / "images.txt", CsvOptions(), "the log")
 
 
 def test_of_several_objects_in_an_image_none_is_taken_in_silence(tmp_path: Path) -> None:

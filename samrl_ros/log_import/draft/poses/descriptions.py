@@ -98,7 +98,7 @@ def closing(recording: PoseRecording) -> float | None:
 
 def is_inverse(seen: LoggedTrack) -> bool:
     """Whether names say that these are the camera's poses in what it sees, be it a map of its own."""
-    if seen.is_camera_in_map:
+    if seen.is_camera_in_map and seen.frames is None:
         return True
     child, parent = seen.likely_frames or (frozenset(), frozenset())
     return bool(child & CAMERAS and parent) and not parent & CAMERAS and not seen.of_frames

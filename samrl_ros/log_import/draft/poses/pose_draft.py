@@ -129,8 +129,10 @@ def side_of(each: LoggedTrack) -> int:
     """1 of what a camera sees, -1 of what an arm carries, 0 where no name says it."""
     if each.role:
         return each.role
-    if each.is_camera_in_world or each.is_camera_in_map:
-        return -1 if each.is_camera_in_world else 1
+    if each.is_camera_in_map:
+        return 1
+    if each.is_camera_in_world:
+        return -1
     words = each.words | set().union(*each.frames or ())
     if not each.track.stem and each.track.named:  # rvec_x, tvec_x; X, Y, Z, A, B, C
         words |= {word for name in each.track.used for word in words_in(name)}

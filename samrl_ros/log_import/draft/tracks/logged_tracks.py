@@ -33,6 +33,7 @@ from samrl_ros.log_import.draft.tracks.pose_tracks import (
     named_frames,
     position_of,
 )
+from samrl_ros.log_import.formats.colmap import MAKER
 from samrl_ros.log_import.formats.hdf5 import SUFFIXES as HDF5_SUFFIXES
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics, read_frames
 from samrl_ros.log_import.formats.text import rows_of
@@ -103,13 +104,21 @@ class LoggedTrack:
     def is_camera_in_world(self) -> bool:
         """Whether it is the camera's own pose by letters, as w2c: the arm's with the hand-eye calibration."""
         frames = lettered_frames(self.track.stem)
-        return frames is not None and {frames[0], frames[1]} in ({"camera", "world"}, {"camera", "base"})
+        own = self.table.maker != MAKER  # whose world is what the camera saw
+        return (
+            own and frames is not None and {frames[0], frames[1]} in ({"camera", "world"}, {"camera", "base"})
+        )
 
     @property
     def is_camera_in_map(self) -> bool:
         """Whether its file says that a camera found itself in its own map, as ORB-SLAM's CameraTrajectory."""
         words = set() if self.part else set(words_in(self.path.stem))
-        return bool(words & SLAM) or {"camera", "trajectory"} <= words or {"key", "frame"} <= words
+        return (
+            self.table.maker == MAKER
+            or bool(words & SLAM)
+            or {"camera", "trajectory"} <= words
+            or {"key", "frame"} <= words
+        )
 
     @property
     def of_frames(self) -> bool:

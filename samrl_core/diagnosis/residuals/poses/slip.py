@@ -12,6 +12,7 @@ from samrl_core.diagnosis.residuals.poses.pose_trial import PoseTrial
 LEAST_VIEWS = 6  # on either side
 GRID = 40  # moments at which a slip is looked for first
 FAR_APART = 6.0  # typical deviations that a view counts at most: a mistake is no slip
+MISTAKEN, MOST_MISTAKES = 0.4, 0.15  # weight of a view that is one, and their share up to which they are told
 EXPLAINED = 0.5  # of what the chain leaves, by one change of one transform
 CHANCE = 1e-6  # of it in noise
 LARGE = 3.0  # times the stated lasting errors of the detector
@@ -41,6 +42,8 @@ def find_slip(trial: PoseTrial) -> str:
     begin, weight = max(tried, key=tried.__getitem__), np.ones(clipped.size)
     for _ in range(ROUNDS):
         weight = _weights(clipped, np.hstack([basis, _since(links[tried[begin][1]], begin)]), weight, count)
+    if (weight < MISTAKEN).mean() > MOST_MISTAKES:
+        weight = np.ones(clipped.size)  # so many may be left out that what fits the others is found
     values, basis = clipped * weight, np.linalg.qr(basis * weight[:, None])[0]
     links = {key: link * weight.reshape(count, -1) for key, link in links.items()}
     tried = _explained_since(values, basis, links)

@@ -12,6 +12,7 @@ _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|\{\}")
 _TORQUE_UNIT = re.compile(r"(?<![A-Za-z])([mkc]?)N[ ._*-]?(mm|cm|m)(?![A-Za-z])")  # mNm is no m and Nm
 _NUMBER = re.compile(r"\d+")
 _PRESSURE = re.compile(r"[\[(][kMm]?(?:bar|Pa|psi)[\])]$|_(?:[kM]Pa|mbar|psi)$")
+_MICRO = str.maketrans({"\N{MICRO SIGN}": "u", "\N{GREEK SMALL LETTER MU}": "u"})  # of Zeit [us]
 _COMPOUND = re.compile(r"(soll|ist)([a-z]{3,})")  # German: Sollweg, Istdrehzahl
 _ELECTRIC = re.compile(r"(?:[\[(]|_)(m?[VA])(?:[\])]|$)")  # unit of a motor's input at the end of a name
 
@@ -109,9 +110,10 @@ def meaning(name: str) -> NameMeaning:
     if found & ENABLED:
         return NameMeaning("enabled")
     role = _last_role(name)
+    followed = quantity in ("position", "velocity") and "input" in words  # ODrive's input_pos, input_vel
     return NameMeaning(
         quantity=quantity,
-        commanded=bool(role & _COMMANDED),
+        commanded=bool(role & _COMMANDED) or followed,
         measured=bool(role & _MEASURED),
         computed=bool(found & _COMPUTED) or (quantity == "effort" and bool(found & _SHARES)),
         unit=units[-1] if units else "",
@@ -146,7 +148,7 @@ def is_time(name: str) -> bool:
 
 def words_in(name: str) -> list[str]:
     """Lower-case words of a name in snake case, camel case or with dots."""
-    words = [word.lower() for word in _WORDS.findall(_TORQUE_UNIT.sub(_as_word, name))]
+    words = [word.lower() for word in _WORDS.findall(_TORQUE_UNIT.sub(_as_word, name.translate(_MICRO)))]
     return [part for word in words for part in _parts_of(word)]
 
 

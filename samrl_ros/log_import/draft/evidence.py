@@ -16,6 +16,8 @@ _RATIOS = {  # position's unit over that of the velocity [1/s]
     ("rad", "deg/s"): np.pi / 180,
     ("rad", "rpm"): np.pi / 30,
     ("deg", "rpm"): 6.0,
+    ("rev", "rev/s"): 1.0,
+    ("rev", "rpm"): 1.0 / 60.0,
     ("mm", "mm/s"): 1.0,
     ("mm", "m/s"): 1000.0,
 }

@@ -19,6 +19,7 @@ from samrl_ros.log_import.draft.joints.arm_messages import (
 )
 from samrl_ros.log_import.draft.joints.asked_efforts import asked_of_effort, say_how_used
 from samrl_ros.log_import.draft.joints.commanded import rate_of_command, unit_of_command
+from samrl_ros.log_import.draft.joints.motor_input import add_motor_input, inputs_of_some
 from samrl_ros.log_import.draft.joints.named_sources import (
     NamedBlock,
     add_source,
@@ -251,6 +252,8 @@ def add_effort(
         inputs += [c for c in electric if c.meaning.commanded and set(order) <= set(c.block.labels)]
         if inputs and "command" not in draft.channels:
             return add_motor_input(inputs[0], position, order, draft)
+        if (some := inputs_of_some(electric, position, order)) and "command" not in draft.channels:
+            return add_motor_input(some[0], position, order, draft)
     how_used = [say_how_used(each) for each in currents]
     draft.unused += how_used
     behind = measured and _measure_behind_gears(measured[0], draft)
@@ -354,36 +357,3 @@ def _add_commanded_effort(
     quantity = quantity_of(best, order, unit, draft, "states")
     draft.channels["commanded_effort"] = {"source": "states", "effort": quantity}
     return best
-
-
-def add_motor_input(
-    best: NamedBlock, position: NamedBlock, order: list[str], draft: Draft
-) -> list[NamedBlock]:
-    """Volts or amperes of a motor without a loop as what was commanded; its constants are asked for."""
-    by_current = best.meaning.quantity == "current"
-    known = ("A", "mA") if by_current else ("V", "mV")
-    unit = best.meaning.unit if best.meaning.unit in known else known[0]
-    same = shares_rows(best, position)
-    if not same:
-        add_source(best.part, "commanded_effort", draft)
-    source = "states" if same else "commanded_effort"
-    said = f"in {unit}" if best.meaning.unit in known else f"taken for {unit}"
-    draft.note(
-        "channels.commanded_effort.effort", f"{name_of(best)}: a motor's {best.meaning.quantity}, {said}",
-        "" if best.meaning.unit in known else f"is it in {unit}, signed, and what drives the motor?",
-    )  # fmt: skip
-    quantity = quantity_of(best, order, unit.removeprefix("m"), draft, source)
-    if unit.startswith("m"):
-        quantity["formula"] = [f"0.001 * {formula}" for formula in quantity["formula"]]
-    draft.channels["commanded_effort"] = {"source": source, "effort": quantity}
-    constants = {"torque_constant": 1.0, "resistance": 1.0, "gear_ratio": 1.0, "rotor_inertia": 0.0}
-    if by_current:
-        del constants["resistance"]
-    draft.controller = {"type": "current_motor" if by_current else "voltage_motor"}
-    draft.controller |= {key: [value] * len(order) for key, value in constants.items()}
-    asked = "torque constant [N m/A]" + ("" if by_current else ", resistance [ohm]")
-    draft.note(
-        "controller", "a motor whose input is recorded, without a loop",
-        f"what are {asked}, gear ratio and rotor inertia [kg m2] of the motor? These are placeholders",
-    )  # fmt: skip
-    return [best]

@@ -14,7 +14,6 @@ from samrl_ros.log_import.draft.column_names import SLOT, NameMeaning, meaning, 
 from samrl_ros.log_import.draft.guess import Draft, Effort
 from samrl_ros.log_import.draft.joints.arm_messages import (
     ARM_MESSAGES,
-    is_libfranka,
     labels_of_array,
     numbered_joints,
     universal_robots,
@@ -38,12 +37,14 @@ from samrl_ros.log_import.draft.joints.named_sources import (
     shares_rows,
 )
 from samrl_ros.log_import.draft.joints.names_beside import name_joints
+from samrl_ros.log_import.draft.joints.position_unit import RTDE, position_unit
 from samrl_ros.log_import.draft.joints.run_files import (
     files_in,
     recordings_in,
     recordings_of,
     runs_alike,
 )
+from samrl_ros.log_import.draft.joints.sliding_joints import set_sliding_units
 from samrl_ros.log_import.draft.joints.speed_alone import integrate_speeds
 from samrl_ros.log_import.draft.joints.told_by_model import (
     is_reversed,
@@ -61,15 +62,11 @@ from samrl_ros.log_import.draft.joints.whole_turns import (
     take_turns_out,
     take_turns_out_beside,
     turn_of,
-    unit_of_steps,
 )
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics, read_text_topic
 from samrl_ros.recordings.read import chained_joints, moving_joints
 
 _NAMED = 4  # of columns that may be meant instead, in a question; of files, in a refusal
-_RTDE = ("actual_q_{}", "target_q_{}")  # Universal Robots, Real-Time Data Exchange guide
-_COUNTED = frozenset("counts count encoder enc tick ticks".split())
-_FULL_TURNS = 4 * np.pi  # [rad] more than a joint of an arm turns: degrees
 
 
 def draft_mapping(
@@ -123,7 +120,7 @@ def draft_mapping(
     found = [label_by_name(each, order) for each in found]
     draft.recordings += recordings_of(runs, draft) if runs else recordings_in(files, draft)
     alone = position.meaning.quantity == "velocity"
-    unit = "" if alone else _position_unit(position, draft)
+    unit = "" if alone else position_unit(position, draft)
     time, turn = add_source(position.part, "states", draft, position.block.stem), 0.0
     if alone:
         speed = position
@@ -155,6 +152,10 @@ def draft_mapping(
     )
     if urdf is not None:
         _ask_model(urdf, position, order, unit, time, used, draft)
+        velocity = next(
+            (e for e in used[1:] if e.meaning.quantity == "velocity" and not e.meaning.commanded), None
+        )
+        set_sliding_units(draft, urdf, position, order, unit, velocity, time)
     for each in found:
         name, is_used = name_of(each), any(each.block is one.block for one in used)
         if not is_used and not any(line.startswith(f"{name}: ") for line in draft.unused):
@@ -330,7 +331,7 @@ def _joints(position: NamedBlock, joints: Sequence[str], urdf: str | None, draft
         draft.joints = arms
         draft.note("joints", "the message counts the joints from the base to the flange")
         return list(labels)
-    if position.block.stem in _RTDE and set(labels) == set("012345") and (arms := universal_robots(joints)):
+    if position.block.stem in RTDE and set(labels) == set("012345") and (arms := universal_robots(joints)):
         draft.joints = list(arms)
         draft.note("joints", "Universal Robots' RTDE counts the joints from the base to wrist 3")
         return list("012345")
@@ -364,37 +365,3 @@ def _joints(position: NamedBlock, joints: Sequence[str], urdf: str | None, draft
 
 def _joint_name(label: str, number: int) -> str:
     return label if label and not label.isdecimal() else f"joint_{label or number + 1}"
-
-
-def _position_unit(position: NamedBlock, draft: Draft) -> str:
-    key, values = "channels.states.position", position.block.values
-    if (message := ARM_MESSAGES.get(position.part.kind)) is not None:
-        draft.note(key, f"{message.about}: in {message.angle}, as its makers say")
-        return message.angle
-    if position.part.ros:
-        draft.note(key, "ROS messages are in rad and m (REP-103)")
-        return "rad"
-    if position.meaning.unit in ("rad", "deg", "mm"):
-        draft.note(key, f"the name says {position.meaning.unit}")
-        return position.meaning.unit
-    if position.block.stem in _RTDE:
-        draft.note(key, "Universal Robots' RTDE gives joint positions in rad")
-        return "rad"
-    if is_libfranka([block.stem for block in position.part.blocks]):
-        draft.note(key, "columns are called as libfranka's: rad, rad/s, N m")
-        return "rad"
-    largest = float(np.abs(values).max())
-    if (values == np.round(values)).all() and set(words_in(position.block.stem)) & _COUNTED:
-        draft.note(key, f"counts up to {largest:g}", "how many counts make a turn, 4096? Which one is zero?")
-        return "counts/4096"
-    if (values == np.round(values)).all() and largest > 100:
-        unit = "counts/4096" if values.min() >= 0 and largest < 4096 else "deg"
-        draft.note(key, f"whole numbers up to {largest:g}", f"is the unit {unit}? Or deg, mm? Is zero at 0?")
-        return unit
-    stepped = unit_of_steps(values)
-    unit = stepped or ("deg" if largest > _FULL_TURNS else "rad")
-    others = "rad" if unit == "deg" else "deg"
-    question = f"is the unit {unit}, and not {others}, rev, m or mm?"
-    why = f", in steps that {unit} of an encoder have" if stepped else ""
-    draft.note(key, f"numbers up to {largest:.3g}{why}", question, "unit")
-    return unit

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ from samrl_core.common.errors import InputError
 from samrl_ros.log_import.draft.column_names import is_time, split_names
 from samrl_ros.log_import.draft.evidence import runs_on, time_unit
 from samrl_ros.log_import.draft.joints.arm_messages import ARM_MESSAGES, labels_of_array
+from samrl_ros.log_import.draft.joints.runs_beside import first_of, recordings_beside
 from samrl_ros.log_import.draft.text_layout import text_options
 from samrl_ros.log_import.formats.hdf5 import SUFFIXES as HDF5
 from samrl_ros.log_import.formats.hdf5 import demonstrations
@@ -75,6 +76,8 @@ class LogPart:
     times: tuple[str, ...]  # columns of numbers that are named as time, those that run on first
     dates: tuple[str, ...]  # columns of text that may be time
     csv: CsvOptions = CsvOptions()  # how the file is written
+    # Of several recordings beside each other, of which the table holds the first: columns by quantity.
+    beside: dict[str, dict[str, str]] = field(default_factory=dict)
 
     @property
     def ros(self) -> bool:
@@ -165,6 +168,8 @@ def _parts(path: Path) -> list[str]:
 def _part(path: Path, part: str, kind: str, joints: Sequence[str]) -> LogPart:
     options = text_options(path)
     table = read_table(path, options, "the log", part)
+    if beside := {} if kind else recordings_beside(table):
+        table = first_of(table, beside)
     arrays = {name: values for name in table.columns if (values := numbers_of(table, name)) is not None}
     long = {name: values for name, values in arrays.items() if len(values) >= _LEAST}
     flat = [name for name, values in long.items() if values.ndim == 1 and not _counts(name, values)]
@@ -191,7 +196,7 @@ def _part(path: Path, part: str, kind: str, joints: Sequence[str]) -> LogPart:
             labels = tuple(str(k) for k in range(len(values)))
             blocks.append(replace(_block(part, name, labels, (name,), values.T), transposed=True))
     useful = tuple(block for block in blocks if len(block.values) >= _LEAST)
-    return LogPart(path, part, kind, table, useful, times, dates, options)
+    return LogPart(path, part, kind, table, useful, times, dates, options, beside)
 
 
 def _block(

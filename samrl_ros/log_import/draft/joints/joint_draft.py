@@ -12,6 +12,7 @@ from samrl_core.common.errors import InputError
 from samrl_ros.log_import.draft.blocks import LogBlock, LogPart, read_parts
 from samrl_ros.log_import.draft.column_names import SLOT, NameMeaning, meaning, says_commanded, words_in
 from samrl_ros.log_import.draft.guess import Draft, Effort
+from samrl_ros.log_import.draft.joints import runs_beside
 from samrl_ros.log_import.draft.joints.arm_messages import (
     ARM_MESSAGES,
     labels_of_array,
@@ -163,6 +164,10 @@ def draft_mapping(
     if runs:
         for source in draft.sources.values():
             source["file"] = runs[0].pattern
+    elif (beside := position.part.beside) and len(draft.recordings) == 1:
+        draft.recordings = runs_beside.recordings_of(beside, draft.sources)
+        apart = ", ".join(each["name"] for each in draft.recordings if each["role"] == "held_out")
+        draft.note("recordings", f"{len(beside)} of them side by side in one file; {apart} is held out")
     return draft
 
 

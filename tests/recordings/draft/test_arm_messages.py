@@ -13,10 +13,11 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from samrl_core.cell.robots.panda.spec import PANDA
 from samrl_ros.log_import.draft.column_names import meaning
-from samrl_ros.log_import.draft.guess import Draft
+from samrl_ros.log_import.draft.guess import Draft, Effort
 from samrl_ros.log_import.draft.joints.arm_messages import labels_of_array
 from samrl_ros.log_import.draft.joints.joint_draft import draft_mapping
 from tests.recordings.draft.test_told_by_model import COUNT, POSITION, TIME, TORQUE
+from tests.recordings.logs.made_logs import urdf_of
 
 URDF = PANDA.urdf.read_text()
 BEGIN_S = 1_700_000_000.0
@@ -170,3 +171,27 @@ def test_kinovas_feedback_is_in_degrees_and_gives_the_reaction(tmp_path: Path) -
     assert (states["position"]["unit"], states["velocity"]["unit"]) == ("deg", "deg/s")
     assert all(formula.startswith("-") for formula in states["effort"]["formula"])
     assert draft.joints == [f"panda_joint{k}" for k in range(1, COUNT + 1)]
+
+
+def test_unitrees_motors_are_those_of_its_legs(tmp_path: Path) -> None:
+    """Twenty motors beside a URDF of one leg: which is which was asked, and whether they are in degrees."""
+    store = get_typestore(Stores.ROS1_NOETIC)
+    fields = "float32 q\nfloat32 dq\nfloat32 tau_est\nfloat32 q_raw"
+    store.register(get_types_from_msg(fields, "unitree_go/msg/MotorState"))
+    store.register(get_types_from_msg("MotorState[12] motor_state", "unitree_go/msg/LowState"))
+    motor, state = store.types["unitree_go/msg/MotorState"], store.types["unitree_go/msg/LowState"]
+    with Writer1(tmp_path / "a.bag") as bag:
+        connection = bag.add_connection("/lowstate", "unitree_go/msg/LowState", typestore=store)
+        for k, at in enumerate(BEGIN_S + TIME[:80]):
+            row = [motor(0.3 * float(SIGNALS["q"][k, n % 3]), 0.0, 0.5, 0.0) for n in range(12)]
+            bag.write(
+                connection, round(at * 1e9), store.serialize_ros1(state(row), "unitree_go/msg/LowState")
+            )
+    legs = ("FL_hip_joint", "FL_thigh_joint", "FL_calf_joint")
+    draft = draft_mapping([tmp_path / "a.bag"], urdf_of(legs), "leg.urdf", Effort.drive)
+    assert tuple(draft.joints) == legs
+    columns = draft.sources["states"]["columns"]
+    taken = [columns[name] for name in draft.channels["states"]["position"]["formula"]]
+    assert taken == ["motor_state.3.q", "motor_state.4.q", "motor_state.5.q"]
+    assert draft.channels["commanded_effort"]["effort"]["unit"] == "N m"
+    assert not [question for question in draft.questions if "q_raw" not in question]

@@ -27,6 +27,10 @@ _OF_UR = (
 )
 # ros2's ur_robot_driver, hardware_interface.cpp: the effort of a joint is RTDE's `actual_current`.
 CURRENTS_OF_UR = "ur_robot_driver publishes the motors' currents [A] as efforts"
+# Motors of a leg in unitree_legged_sdk and unitree_ros2: FR_0 = 0, FR_1 = 1, FR_2 = 2, FL_0 = 3, ...
+_OF_UNITREE = tuple(
+    f"{leg}_{joint}_joint" for leg in ("FR", "FL", "RR", "RL") for joint in ("hip", "thigh", "calf")
+)
 _NUMBERED = re.compile(r"(.*?)(\d+)$")
 
 
@@ -110,6 +114,19 @@ def universal_robots(joints: Sequence[str]) -> tuple[str, ...]:
     """
     named = [[joint for joint in joints if joint.endswith(name)] for name in _OF_UR]
     return tuple(one[0] for one in named) if all(len(one) == 1 for one in named) else ()
+
+
+def is_unitree(stem: str) -> bool:
+    """Whether a column is a field of a motor in Unitree's `LowState`: rad, rad/s and N m by its guide."""
+    return words_in(stem)[:2] == ["motor", "state"]
+
+
+def unitree_motors(stem: str, labels: Sequence[str], joints: Sequence[str]) -> dict[str, str]:
+    """Labels of Unitree's motors by joint of a quadruped's description, one leg of it or all; else empty."""
+    numbers = {joint: str(number) for number, joint in enumerate(_OF_UNITREE)}
+    if not is_unitree(stem) or not joints or not set(joints) <= set(numbers):
+        return {}
+    return {joint: numbers[joint] for joint in joints if numbers[joint] in labels}
 
 
 def is_libfranka(stems: Sequence[str]) -> bool:

@@ -15,6 +15,7 @@ from samrl_ros.log_import.draft.joints.arm_messages import (
     ARM_MESSAGES,
     CURRENTS_OF_UR,
     is_libfranka,
+    is_unitree,
     universal_robots,
 )
 from samrl_ros.log_import.draft.joints.asked_efforts import asked_of_effort, say_how_used
@@ -305,7 +306,8 @@ def add_effort(
 
 def _torque_unit(best: NamedBlock) -> tuple[str, bool]:
     """Unit of a torque, and whether the log tells it: messages of ROS by their type, others by the name."""
-    known = best.part.ros or is_libfranka([block.stem for block in best.part.blocks])
+    known = best.part.ros or is_unitree(best.block.stem)
+    known = known or is_libfranka([block.stem for block in best.part.blocks])
     unit = "" if known else best.meaning.unit
     return unit or "N m", bool(known or unit)
 

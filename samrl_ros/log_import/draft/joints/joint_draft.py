@@ -17,6 +17,7 @@ from samrl_ros.log_import.draft.joints.arm_messages import (
     ARM_MESSAGES,
     labels_of_array,
     numbered_joints,
+    unitree_motors,
     universal_robots,
 )
 from samrl_ros.log_import.draft.joints.channels import add_command, add_effort, add_velocity
@@ -340,6 +341,10 @@ def _joints(position: NamedBlock, joints: Sequence[str], urdf: str | None, draft
         draft.joints = list(arms)
         draft.note("joints", "Universal Robots' RTDE counts the joints from the base to wrist 3")
         return list("012345")
+    if motors := unitree_motors(position.block.stem, labels, joints):
+        draft.joints = list(motors)
+        draft.note("joints", "Unitree counts its motors by leg, FR FL RR RL, and from hip to calf")
+        return list(motors.values())
     numbered = numbered_joints(len(labels), joints)
     if numbered and sorted(labels) == sorted(str(k + 1) for k in range(len(labels))):
         draft.joints = list(numbered)

@@ -6,7 +6,7 @@ import numpy as np
 
 from samrl_ros.log_import.draft.column_names import words_in
 from samrl_ros.log_import.draft.guess import Draft
-from samrl_ros.log_import.draft.joints.arm_messages import ARM_MESSAGES, is_libfranka
+from samrl_ros.log_import.draft.joints.arm_messages import ARM_MESSAGES, is_libfranka, is_unitree
 from samrl_ros.log_import.draft.joints.named_sources import NamedBlock
 from samrl_ros.log_import.draft.joints.whole_turns import unit_of_steps
 
@@ -29,6 +29,9 @@ def position_unit(position: NamedBlock, draft: Draft) -> str:
         return position.meaning.unit
     if position.block.stem in RTDE:
         draft.note(key, "Universal Robots' RTDE gives joint positions in rad")
+        return "rad"
+    if is_unitree(position.block.stem):
+        draft.note(key, "fields of Unitree's LowState: rad, rad/s, N m")
         return "rad"
     if is_libfranka([block.stem for block in position.part.blocks]):
         draft.note(key, "columns are called as libfranka's: rad, rad/s, N m")

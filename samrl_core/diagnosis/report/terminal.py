@@ -33,7 +33,7 @@ def summary(diagnosis: Diagnosis, files: Sequence[str] = ()) -> list[str]:
         lines.append(_line("could be", " or ".join(_candidate(d, name) for name in d.ambiguity_set[0])))
     lines += [_line("beside it", _candidate(d, e.name)) for e in words.beside(d)]
     if d.gap is not None:
-        lines.append(_line("how far", _how_far(d.gap)))
+        lines.append(_line("how far", _how_far(d.gap, named=d.verdict != "no_gap")))
         lines += [_line("but", reason) for reason in d.reasons if OF_MOTION in reason]
     if d.verdict == "no_gap" and d.least_sizes:
         lines.append(_line("seen from", f"{in_short(d)}, each alone; less passes"))
@@ -119,10 +119,11 @@ def _in_one_folder(files: Sequence[str]) -> str:
     return f"in {folder}: {', '.join(file.rpartition('/')[2] for file in files)}"
 
 
-def _how_far(gap: HeldOutGap) -> str:
+def _how_far(gap: HeldOutGap, named: bool = True) -> str:
+    """The gap and what the effect makes of it; the gap alone where none is `named`."""
     unit = words.symbol(gap.unit)
     before = words.number(gap.nominal)
-    if gap.shrink is None:
+    if gap.shrink is None or not named:
         return f"{before} {unit} {gap.metric} on held-out recordings".replace("  ", " ")
     interval = f" ({ci})" if (ci := words.percent_interval(gap.ci95)) else ""
     if interval and round(100 * gap.shrink) <= 0:  # else it would be read as an interval of the growth

@@ -56,6 +56,15 @@ def test_the_effect_is_named_with_its_parameters_and_how_far() -> None:
     assert "8 % of the excess energy remains with the named effect, 17 % of the held-out gap" in text
 
 
+def test_where_nothing_is_named_no_gap_grows_by_it() -> None:
+    """Two trackers in order read that their held-out gap grows by 59 %: by an effect that nobody named."""
+    effect = samples.diagnosis("effect")
+    assert effect.gap is not None
+    lines = "\n".join(summary(replace(samples.diagnosis("no_gap"), gap=effect.gap)))
+    assert "how far" in lines and "on held-out recordings" in lines
+    assert "shrinks" not in lines and "runner-up" not in lines
+
+
 def test_an_error_of_the_description_is_said_with_what_it_leaves() -> None:
     """A limit that was a placeholder was the cause, and of a load beside it only the page spoke."""
     said = (

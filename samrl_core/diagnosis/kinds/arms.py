@@ -21,7 +21,7 @@ from samrl_core.diagnosis.recordings import split
 from samrl_core.diagnosis.recordings.in_common import in_common
 from samrl_core.diagnosis.recordings.velocity_lag import set_apart
 from samrl_core.diagnosis.residuals.field_time import with_field_time
-from samrl_core.diagnosis.residuals.laws.control_law import infers_speed
+from samrl_core.diagnosis.residuals.laws.commanded_speed import damps_against_goals, infers_speed
 from samrl_core.diagnosis.residuals.laws.law_velocity import with_law_velocity
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
@@ -161,6 +161,12 @@ def _filter_notes(first: Trial) -> list[str]:
 
 def _speed_notes(first: Trial) -> list[str]:
     """Of a commanded speed that nobody recorded."""
+    if damps_against_goals(first.motion):
+        return [
+            "the law damps against the speed of what was commanded, which holds positions alone: it is their"
+            " derivative, as the recorded torque tells; if the controller damps against zero, log a commanded"
+            " velocity of zero"
+        ]
     if not infers_speed(first.recording):
         return []
     return [

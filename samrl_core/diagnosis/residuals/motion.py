@@ -14,7 +14,8 @@ import numpy as np
 
 from samrl_core.cell.types.arm_description import HELD, ArmController
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
-from samrl_core.diagnosis.residuals.laws.control_law import LawTerms, held_values, infers_speed, law_terms
+from samrl_core.diagnosis.residuals.laws import commanded_speed
+from samrl_core.diagnosis.residuals.laws.control_law import LawTerms, held_values, law_terms
 from samrl_core.diagnosis.residuals.signals.low_pass import find_any_filter, find_offline_filter
 from samrl_core.diagnosis.residuals.signals.sample_times import SampleTimes, sample_times
 from samrl_core.diagnosis.residuals.signals.signal_band import SignalBand, held_on_grid, nearest, onto_grid
@@ -121,27 +122,22 @@ class RecordedMotion(SignalBand):
         command = self.recording.command
         if command is None or len(command) < 2:
             return None
-        speed = command.velocity
-        somebodys = is_difference(command)
-        if somebodys or infers_speed(self.recording):
-            assert command.position is not None
-            # Differences over jittered stamps are off by as much as those steps are.
-            speed = np.gradient(command.position, self._times(command.time, command.position).time, axis=0)
+        if is_difference(command) or commanded_speed.is_goals_own(self):
+            command = commanded_speed.with_goals_speed(self, command)
+        return self.as_tracked(command)
+
+    def as_tracked(self, command: JointSignal) -> JointSignal | None:
+        """A command on the full-rate grid; what it lacks is zero."""
         position, velocity, effort = (
-            self._tracked(command.time, x) for x in (command.position, speed, command.effort)
+            self._tracked(command.time, x) for x in (command.position, command.velocity, command.effort)
         )
         if position is None:
             if command.velocity is None or self.controller is None or np.any(self.controller.stiffness > 0):
                 return None
             position = np.zeros_like(self.raw_position)  # a speed loop is told no position
         zero = np.zeros_like(self.raw_position)
-        return JointSignal(
-            self.time,
-            position,
-            zero if velocity is None else velocity,
-            None,
-            zero if effort is None else effort,
-        )
+        velocity, effort = (zero if x is None else x for x in (velocity, effort))
+        return JointSignal(self.time, position, velocity, None, effort)
 
     @property
     def holds_commands(self) -> bool:
@@ -151,8 +147,8 @@ class RecordedMotion(SignalBand):
     def _tracked(self, time: np.ndarray, values: np.ndarray | None) -> np.ndarray | None:
         """A command's part (F, J) as the controller follows it between two stamps."""
         if not self.holds_commands:
-            return None if values is None else onto_grid(self._times(time, values), values, self.time)
-        # Beside a recorded torque the law is read at the instant of its sample.
+            return None if values is None else onto_grid(self.times_of(time, values), values, self.time)
+        # Beside a recorded torque the law is read at its sample.
         mean = self.recording.commanded_effort is None and self.raw_effort is None
         return held_on_grid(time, values, self.time, mean)
 
@@ -393,8 +389,8 @@ class RecordedMotion(SignalBand):
     def _commanded(self, commanded: JointSignal | None) -> np.ndarray | None:
         if commanded is None or commanded.effort is None:
             return None
-        return onto_grid(self._times(commanded.time, commanded.effort), commanded.effort, self.time)
+        return onto_grid(self.times_of(commanded.time, commanded.effort), commanded.effort, self.time)
 
-    def _times(self, time: np.ndarray, values: np.ndarray) -> SampleTimes:
+    def times_of(self, time: np.ndarray, values: np.ndarray) -> SampleTimes:
         """When the samples of a channel were taken: with the states, where its stamps are theirs."""
         return self._taken if np.array_equal(time, self.recording.states.time) else sample_times(time, values)

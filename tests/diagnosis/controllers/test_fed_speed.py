@@ -3,21 +3,31 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
+import pytest
 
 from samrl_core.cell.types.arm_description import HELD
 from samrl_core.cell.types.arm_recording import ArmRecording
-from samrl_core.cell.types.controllers.servos import PositionServo
+from samrl_core.cell.types.controllers.impedance import JointImpedance
+from samrl_core.cell.types.controllers.servos import PositionServo, VelocityDrive
 from samrl_core.diagnosis.kinds.arms import Arms
+from samrl_core.diagnosis.residuals.laws.commanded_speed import damps_against_goals
 from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 from tests.diagnosis.controllers.late_speeds import DAMPING, JOINT, PERIOD_S, ROTOR, STIFFNESS, record, swing
 
 
+@cache
+def logged() -> ArmRecording:
+    """The pendulum's log; its driver reports velocities late."""
+    return record(swing(damps_reported=False))
+
+
 def without_speed(share: float | None) -> ArmRecording:
     """The pendulum's log without its commanded velocity, its loop described with a share of that or none."""
-    made = record(swing(damps_reported=False))
+    made = logged()
     about = {
         "type": "position_servo", "joints": [JOINT], "stiffness": [STIFFNESS], "damping": [DAMPING],
         "period_s": PERIOD_S, "armature": [ROTOR],
@@ -40,6 +50,41 @@ def test_the_goals_speed_is_fed_forward() -> None:
     assert unexplained(without_speed(1.0)) < 0.05
     assert unexplained(without_speed(0.0)) > 1.0
     assert unexplained(without_speed(None)) > 1.0
+
+
+def test_a_velocity_drive_feeds_its_default_share() -> None:
+    """Its reference says 1; without the key the law damped against a standstill: 20 N m off at a wrist."""
+    made = without_speed(None)
+    about = {
+        "type": "velocity_drive", "joints": [JOINT], "velocity_gain": [DAMPING],
+        "position_gain": [STIFFNESS / DAMPING], "period_s": PERIOD_S, "armature": [ROTOR],
+    }  # fmt: skip
+    for share, least, most in ((None, 0.0, 0.05), (0.0, 1.0, np.inf)):
+        stated = about if share is None else about | {"velocity_feedforward": [share]}
+        arm = replace(made.arm, controller=VelocityDrive().read(stated, (JOINT,), "controller"))
+        assert least <= unexplained(replace(made, arm=arm)) < most
+
+
+@pytest.mark.parametrize("against_goals", [True, False])
+def test_the_torque_tells_whether_an_impedance_damps_against_its_goals(against_goals: bool) -> None:
+    """`D (dq_d - dq)` with positions alone was read as damping against zero: a gain was named."""
+    made, full = without_speed(None), logged()
+    assert full.command is not None and full.command.velocity is not None
+    sent = full.commanded_effort
+    assert sent is not None and sent.effort is not None
+    if not against_goals:
+        fed = np.interp(sent.time, full.command.time, full.command.velocity[:, 0])[:, None]
+        made = replace(made, commanded_effort=replace(sent, effort=sent.effort - DAMPING * fed))
+    about = {
+        "joints": [JOINT], "stiffness": [STIFFNESS], "damping": [DAMPING], "gravity_compensation": False,
+        "period_s": PERIOD_S, "armature": [ROTOR],
+    }  # fmt: skip
+    arm = replace(made.arm, controller=JointImpedance().read(about, (JOINT,), "controller"))
+    trial = Trial(replace(made, arm=arm), RigidArm(arm))
+    assert damps_against_goals(trial.motion) == against_goals
+    assert np.sqrt(np.mean(trial.residual["controller"] ** 2)) < 0.06
+    told = [note for note in Arms().notes([trial]) if "damps against the speed" in note]
+    assert len(told) == against_goals
 
 
 def test_it_is_said() -> None:

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from samrl_core.cell.types.arm_description import HELD, ArmController
-from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
+from samrl_core.cell.types.arm_description import ArmController
+from samrl_core.cell.types.arm_recording import JointSignal
 
 ROUNDED = tuple((x, 1.0 / 21.0) for x in np.linspace(-1.1, 1.1, 21).tolist())
 """Nodes and weights over a step of a reading, in half steps: so many that a punch at its edge is not missed.
@@ -18,18 +18,6 @@ ROUNDED = tuple((x, 1.0 / 21.0) for x in np.linspace(-1.1, 1.1, 21).tolist())
 A little beyond the step: a log's digits are rounded once more.
 """
 WOUND = 0.3  # ASSUMPTION: share of the limit that an integral may have held when a recording began
-
-
-def infers_speed(recording: ArmRecording) -> bool:
-    """Whether a law is stated to feed a commanded speed forward that the log lacks: it is that of its goals.
-
-    Goals that are held until the next one have none, and a law without a stated share feeds none.
-    """
-    controller, command = recording.arm.controller, recording.command
-    if controller is None or command is None or command.position is None or command.velocity is not None:
-        return False
-    share = np.asarray(controller.stated.get("velocity_feedforward", 0.0), dtype=float)
-    return bool(np.any(share > 0.0)) and controller.between_commands != HELD
 
 
 @dataclass(frozen=True, eq=False)

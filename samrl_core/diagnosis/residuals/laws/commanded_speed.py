@@ -1,0 +1,81 @@
+"""A commanded speed that a law uses and a log lacks: it is that of the goals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from samrl_core.cell.types.arm_description import HELD, ArmController
+from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
+from samrl_core.cell.types.controllers import KINDS
+
+if TYPE_CHECKING:
+    from samrl_core.diagnosis.residuals.motion import RecordedMotion
+
+SHARE = "velocity_feedforward"  # key of kinds that may feed the commanded velocity forward
+CLEARLY = 0.25  # of the recorded torque's power that the other law leaves unexplained
+
+
+def is_goals_own(motion: RecordedMotion) -> bool:
+    """Whether the speed that a law uses beside positions alone is their derivative."""
+    return infers_speed(motion.recording) or damps_against_goals(motion)
+
+
+def infers_speed(recording: ArmRecording) -> bool:
+    """Whether a law feeds a commanded speed forward that the log lacks: it is that of its goals.
+
+    Goals that are held until the next one have none. The share is the stated one, else its kind's default,
+    which is 1 of a velocity drive; a kind without such a share feeds none.
+    """
+    controller = recording.arm.controller
+    if controller is None or not _lacks_speed(recording):
+        return False
+    share = controller.law.of_joints("velocity_share", len(controller.joints))
+    return _has_share(controller) and bool(np.any(share > 0.0))
+
+
+def _may_damp_against_goals(recording: ArmRecording) -> bool:
+    """Whether a law whose kind states no share may feed such a speed, and a recorded torque may tell."""
+    controller = recording.arm.controller
+    if controller is None or recording.commanded_effort is None or controller.law.open_loop:
+        return False
+    return _lacks_speed(recording) and not _has_share(controller) and bool(np.any(controller.damping > 0.0))
+
+
+def damps_against_goals(motion: RecordedMotion) -> bool:
+    """Whether an impedance law damps against the speed of goals that were logged without it.
+
+    Some damp against zero, as libfranka's examples do: the recorded torque tells which, if clearly.
+    """
+    command = motion.recording.command
+    if command is None or motion.asked is None or not _may_damp_against_goals(motion.recording):
+        return False
+    limit, left = motion.limit(), []
+    for each in (command, with_goals_speed(motion, command)):
+        tracked = motion.as_tracked(each)
+        if tracked is None:
+            return False
+        law = np.clip(motion.law(tracked).total, -limit, limit)
+        left.append(float(np.mean((law - motion.asked) ** 2)))
+    return left[1] < CLEARLY * left[0]
+
+
+def with_goals_speed(motion: RecordedMotion, command: JointSignal) -> JointSignal:
+    """A command with its positions' derivative; over jittered stamps it would be as far off."""
+    assert command.position is not None
+    times = motion.times_of(command.time, command.position).time
+    return replace(command, velocity=np.gradient(command.position, times, axis=0))
+
+
+def _lacks_speed(recording: ArmRecording) -> bool:
+    """Whether a law tracks positions alone, of which each acts until the next one comes in a line."""
+    controller, command = recording.arm.controller, recording.command
+    if controller is None or command is None or command.position is None or command.velocity is not None:
+        return False
+    return controller.between_commands != HELD
+
+
+def _has_share(controller: ArmController) -> bool:
+    return any(key.name == SHARE for key in KINDS[controller.kind].keys)

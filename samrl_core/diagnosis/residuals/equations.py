@@ -26,12 +26,8 @@ from samrl_core.diagnosis.residuals.motion import RecordedMotion
 from samrl_core.diagnosis.residuals.rest import widen_at_rest
 from samrl_core.diagnosis.residuals.signals.noise_color import NoiseColor
 from samrl_core.diagnosis.residuals.signals.rounding import rounding_noise, widen_at_edges, widen_where_held
-from samrl_core.diagnosis.residuals.signals.signal_noise import (
-    is_fast,
-    sample_detail,
-    unknown_acceleration,
-    white_noise,
-)
+from samrl_core.diagnosis.residuals.signals.signal_noise import sample_detail, white_noise
+from samrl_core.diagnosis.residuals.torque_noise import acceleration_noise, spring_noise, unknown_wider
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
 CHANNELS = ("controller", "drive", "link", "dynamics", "tracking")
@@ -142,7 +138,7 @@ def form_equations(motion: RecordedMotion) -> Equations:
     share = np.sqrt(motion.band_share)
     rotor = armature(arm) * motion.ddq + motion.reduce(nominal_friction(arm, motion.sure_velocity))
     model = rigid.inverse_dynamics(motion.q, motion.dq, motion.ddq) + _made_by_the_band(motion, rigid)
-    link_noise = _acceleration_noise(motion, rigid)
+    link_noise, sprung = acceleration_noise(motion, rigid), spring_noise(motion, rigid)
     noise = motion.noise
     torque = u if u is not None else tau
     assert torque is not None
@@ -182,19 +178,19 @@ def form_equations(motion: RecordedMotion) -> Equations:
         sigma["drive"] = widen_at_rest(_spread(level, residual["drive"]), motion, scale, color["drive"])
     if tau is not None:
         residual["link"] = tau - model
-        level = np.sqrt((share * noise.effort) ** 2 + link_noise**2 + floor**2)
+        level = np.sqrt((share * noise.effort) ** 2 + link_noise**2 + floor**2 + sprung**2)
         color["link"] = _color(motion, link_noise, level)
         sigma["link"] = _spread(level, residual["link"])
-        sigma["link"] = _unknown_wider(sigma["link"], motion, rigid)
+        sigma["link"] = unknown_wider(sigma["link"], motion, rigid)
     elif u is not None:
         residual["dynamics"] = u - rotor - model
         moved = link_noise + armature(arm) * np.sqrt(motion.acceleration_noise(0.0, motion.band))
         moved = np.hypot(moved, _noise_of_speed(motion))
-        level = np.sqrt((share * noise.commanded_effort) ** 2 + moved**2 + floor**2 + friction**2)
+        level = np.sqrt((share * noise.commanded_effort) ** 2 + moved**2 + floor**2 + friction**2 + sprung**2)
         color["dynamics"] = _color(motion, moved, level)
         spread = _spread(level, residual["dynamics"])
         sigma["dynamics"] = widen_at_rest(spread, motion, scale, color["dynamics"])
-        sigma["dynamics"] = _unknown_wider(sigma["dynamics"], motion, rigid)
+        sigma["dynamics"] = unknown_wider(sigma["dynamics"], motion, rigid)
         if "controller" in residual:
             sigma["dynamics"] = widen_with_goals(sigma["dynamics"], motion, raw)
         if motion.computed:
@@ -316,24 +312,6 @@ def _controller_residual(motion: RecordedMotion) -> tuple[np.ndarray, int, np.nd
             best = (rough * (1.2 if lag else 1.0), lag, law)
     assert best is not None
     return best[2], best[1], motion.enabled * (np.clip(best[2], -limit, limit) - u)
-
-
-def _acceleration_noise(motion: RecordedMotion, rigid: RigidArm) -> np.ndarray:
-    """Torque noise (J,) that band-limited noisy accelerations leave in inverse dynamics."""
-    variance = motion.acceleration_noise(0.0, motion.band)
-    some = motion.q[:: max(1, len(motion.q) // 20)]
-    mass = np.mean(rigid.mass_matrix(some) ** 2, axis=0)
-    return np.sqrt(mass @ variance)
-
-
-def _unknown_wider(sigma: np.ndarray, motion: RecordedMotion, rigid: RigidArm) -> np.ndarray:
-    """A slow log knows some accelerations no better than half of its samples would."""
-    if is_fast(motion.rate):
-        return sigma
-    reading = motion.reading
-    unknown = np.abs(motion.reduce(unknown_acceleration(reading.values, motion.rate, reading.order)))
-    mass = np.abs(rigid.mass_matrix(motion.q)) + np.diag(armature(motion.recording.arm))
-    return np.hypot(sigma, np.einsum("nij,nj->ni", mass, unknown))
 
 
 def _resolution(position: np.ndarray) -> np.ndarray:

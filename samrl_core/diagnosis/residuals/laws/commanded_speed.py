@@ -3,22 +3,43 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
 from samrl_core.cell.types.arm_description import HELD, ArmController
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.cell.types.controllers import KINDS
-
-if TYPE_CHECKING:
-    from samrl_core.diagnosis.residuals.motion import RecordedMotion
+from samrl_core.diagnosis.residuals.laws.control_law import LawTerms
+from samrl_core.diagnosis.residuals.signals.sample_times import SampleTimes
 
 SHARE = "velocity_feedforward"  # key of kinds that may feed the commanded velocity forward
 CLEARLY = 0.25  # of the recorded torque's power that the other law leaves unexplained
 
 
-def is_goals_own(motion: RecordedMotion) -> bool:
+class Tracked(Protocol):
+    """A recording on one clock, whose law can be evaluated with another command."""
+
+    recording: ArmRecording
+
+    @property
+    def asked(self) -> np.ndarray | None:
+        """Torque (F, J) that was asked for, as recorded."""
+
+    def limit(self) -> np.ndarray:
+        """(J,) of the controller's output [N m]."""
+
+    def as_tracked(self, command: JointSignal) -> JointSignal | None:
+        """A command on the full-rate grid."""
+
+    def law(self, command: JointSignal | None = None) -> LawTerms:
+        """The described law at the measured states."""
+
+    def times_of(self, time: np.ndarray, values: np.ndarray) -> SampleTimes:
+        """When samples were taken."""
+
+
+def is_goals_own(motion: Tracked) -> bool:
     """Whether the speed that a law uses beside positions alone is their derivative."""
     return infers_speed(motion.recording) or damps_against_goals(motion)
 
@@ -44,7 +65,7 @@ def _may_damp_against_goals(recording: ArmRecording) -> bool:
     return _lacks_speed(recording) and not _has_share(controller) and bool(np.any(controller.damping > 0.0))
 
 
-def damps_against_goals(motion: RecordedMotion) -> bool:
+def damps_against_goals(motion: Tracked) -> bool:
     """Whether an impedance law damps against the speed of goals that were logged without it.
 
     Some damp against zero, as libfranka's examples do: the recorded torque tells which, if clearly.
@@ -62,7 +83,7 @@ def damps_against_goals(motion: RecordedMotion) -> bool:
     return left[1] < CLEARLY * left[0]
 
 
-def with_goals_speed(motion: RecordedMotion, command: JointSignal) -> JointSignal:
+def with_goals_speed(motion: Tracked, command: JointSignal) -> JointSignal:
     """A command with its positions' derivative; over jittered stamps it would be as far off."""
     assert command.position is not None
     times = motion.times_of(command.time, command.position).time

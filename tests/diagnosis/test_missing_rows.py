@@ -74,10 +74,11 @@ def test_a_command_that_somebody_differenced_is_differenced_on_its_clock():
 
 
 def test_a_command_without_a_speed_is_given_none():
-    """Goals of a position servo: a damper that is told no speed would be told one."""
+    """Goals of a position servo: a damper that is told no speed would be told one, unless a torque tells."""
     recording = worlds.world(3, "B")[0]
     assert recording.command is not None
     goals = replace(recording.command, velocity=None)
-    found = worlds.trials([replace(recording, command=goals)])[0].motion.command
+    silent = replace(recording, command=goals, commanded_effort=None)
+    found = worlds.trials([silent])[0].motion.command
     assert found is not None and found.velocity is not None
     assert not np.any(found.velocity)

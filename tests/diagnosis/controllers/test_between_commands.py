@@ -13,7 +13,9 @@ from samrl_core.cell.types.controllers import KINDS
 from samrl_core.diagnosis.diagnose import diagnose
 from samrl_core.diagnosis.kinds.arms import Arms
 from samrl_core.diagnosis.residuals.signals.signal_band import held_on_grid
+from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.result import Diagnosis
+from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 
 URDF = """<robot name="swing"><link name="base"/><link name="arm"><inertial><origin xyz="0 0 -0.2"/>
 <mass value="1.0"/><inertia ixx="1e-3" iyy="1e-3" izz="1e-6" ixy="0" ixz="0" iyz="0"/></inertial></link>
@@ -71,6 +73,13 @@ def diagnosed(goal_hz: float, log_hz: float, held: bool, late_s: float = 0.0) ->
     """What is said of three recordings, the last of them held out."""
     runs = [recording(goal_hz, log_hz, held, late_s, seed) for seed in range(3)]
     return diagnose(runs[:2], runs[2:])[0]
+
+
+def test_what_a_law_asked_for_is_known_without_a_recorded_torque() -> None:
+    """It was looked up while the law's own command was being made, and stayed unknown: a traceback."""
+    made = recording(30.0, 100.0, True, 0.0, 0)
+    motion = Trial(made, RigidArm(made.arm)).motion
+    assert motion.computed and motion.asked is not None
 
 
 @pytest.mark.parametrize(

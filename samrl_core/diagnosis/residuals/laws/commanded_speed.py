@@ -60,7 +60,8 @@ def infers_speed(recording: ArmRecording) -> bool:
 def _may_damp_against_goals(recording: ArmRecording) -> bool:
     """Whether a law whose kind states no share may feed such a speed, and a recorded torque may tell."""
     controller = recording.arm.controller
-    if controller is None or recording.commanded_effort is None or controller.law.open_loop:
+    sent = recording.commanded_effort
+    if controller is None or sent is None or sent.effort is None or controller.law.open_loop:
         return False
     return _lacks_speed(recording) and not _has_share(controller) and bool(np.any(controller.damping > 0.0))
 
@@ -71,7 +72,8 @@ def damps_against_goals(motion: Tracked) -> bool:
     Some damp against zero, as libfranka's examples do: the recorded torque tells which, if clearly.
     """
     command = motion.recording.command
-    if command is None or motion.asked is None or not _may_damp_against_goals(motion.recording):
+    # The recording first: without a recorded torque what is asked for is made by the command, which asks here.
+    if command is None or not _may_damp_against_goals(motion.recording) or motion.asked is None:
         return False
     limit, left = motion.limit(), []
     for each in (command, with_goals_speed(motion, command)):

@@ -72,7 +72,7 @@ def damps_against_goals(motion: Tracked) -> bool:
     Some damp against zero, as libfranka's examples do: the recorded torque tells which, if clearly.
     """
     command = motion.recording.command
-    # The recording first: without a recorded torque what is asked for is made by the command, which asks here.
+    # The recording first: without a recorded torque what is asked for is made by the command, which asks us.
     if command is None or not _may_damp_against_goals(motion.recording) or motion.asked is None:
         return False
     limit, left = motion.limit(), []

@@ -245,17 +245,20 @@ def _with_later(
     """Sets with one effect more; one that begins within the recordings in front, where it explains more.
 
     As with a first effect it is looked for only where much is left, and must have more evidence than any that
-    was there all along.
+    was there all along, clearly: a formula that is nearly right wins a little by not acting at the beginning.
     """
     k, likelihood = evidence.correlation_time, evidence.likelihood
     excess = max(likelihood.deficit(likelihood.y, k), chosen.log_evidence)
     if likelihood.deficit(evidence.remainder(chosen), k) < settings.onset_remainder * excess:
         return steady
     begun = find_later(evidence, pool, chosen, steady, excess)
-    most = max((f.log_evidence for f in steady), default=chosen.log_evidence)
-    if begun and max(f.log_evidence for f in begun) > most + settings.second_threshold:
-        return [*begun, *steady]
-    return steady
+    if not begun:
+        return steady
+    later = max(f.log_evidence for f in begun) - chosen.log_evidence
+    throughout = max((f.log_evidence for f in steady), default=chosen.log_evidence) - chosen.log_evidence
+    clearly = later > throughout + settings.second_threshold
+    clearly = clearly and throughout < settings.throughout_share * later
+    return [*begun, *steady] if clearly else steady
 
 
 def _greatest_first(evidence: Evidence, fit: Fit, keep_first: bool) -> Fit:

@@ -19,6 +19,7 @@ class SelectionSettings:
     held_out_share: float = 0.05  # of the remaining held-out excess that a further effect must remove
     local_share: float = 0.4  # of what is left where it acts, likewise, on fitted recordings
     onset_remainder: float = 0.05  # share left by the best effect from which on it may have been switched on
+    throughout_share: float = 0.8  # of what a further effect wins by beginning, won at most without that
     same_share: float = 0.12  # of all there was, where the first effects act on the same channels and joints
     simulate: bool = True  # candidates within reach of the best are weighed by the simulated motion too
     local_remainder: float = 0.2  # less left than this share of what there was: the first effect's formula

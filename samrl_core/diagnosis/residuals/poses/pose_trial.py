@@ -227,10 +227,13 @@ class PoseTrial(Observed):
     @cached_property
     def speed(self) -> np.ndarray:
         """(N,) how fast the target turns and moves in the camera [rad/s]."""
-        total = sum(
-            (self.at_target(rate) for rate in self.rates.values()), np.zeros((len(self.chain.time), 6))
-        )
-        return np.hypot(np.linalg.norm(total[:, 3:], axis=1), np.linalg.norm(total[:, :3], axis=1) / LEVER_M)
+        turns, moves = (np.linalg.norm(part, axis=1) for part in (self.rate[:, 3:], self.rate[:, :3]))
+        return np.hypot(turns, moves / LEVER_M)
+
+    @cached_property
+    def rate(self) -> np.ndarray:
+        """Change (N, 6) of the target's pose per second by which all arms' readings move it together."""
+        return self.at_target(sum(self.rates.values(), np.zeros((len(self.chain.time), 6))))
 
     def _at_ends(self) -> np.ndarray:
         """Views (N,) at which a shift of stamps asks for the arm before its track begins, or after its end.
@@ -296,8 +299,7 @@ class PoseTrial(Observed):
 
         A reading with a wrong stamp is in the spline on both sides of it.
         """
-        rate = self.at_target(sum(self.rates.values(), np.zeros((len(self.views), 6))))
-        padded = np.pad(rate**2, ((1, 1), (0, 0)), mode="edge")
+        padded = np.pad(self.rate**2, ((1, 1), (0, 0)), mode="edge")
         return np.sqrt(0.25 * padded[:-2] + 0.5 * padded[1:-1] + 0.25 * padded[2:])
 
     @property

@@ -29,7 +29,6 @@ ARRIVAL = frozenset("receive received recv arrival arrived bag log".split())
 HOST = ARRIVAL | frozenset("trigger host system pc ptp local ros reference ref".split())
 DEVICE = frozenset("device camera cam sensor hardware hw header exposure image imu driver mcu robot".split())
 COUNTERS = frozenset("frame frames seq index id number count".split())
-RUNS_ON = 0.9  # share of the steps that do not go back
 RUNS_ALIKE = 0.999  # correlation of two clocks
 FAR_APART_S = 5.0  # that no clock is off, which counts from the same moment
 EPOCH_S = 1e8  # since 1970, beyond which a clock tells the date
@@ -70,7 +69,7 @@ def find_clocks(table: Table) -> Clocks | None:
         values = None if name in rests else _stamps_in(table, name)
         if values is None or values.ndim != 1 or np.isfinite(values).sum() < LEAST:
             continue
-        if np.nanmin(values) == np.nanmax(values) or (is_time(name) and not _runs_on(values)):
+        if np.nanmin(values) == np.nanmax(values) or (is_time(name) and not evidence.runs_on(values)):
             continue
         words = set(words_in(name))
         if words & COUNTERS and not is_time(name):
@@ -189,12 +188,6 @@ def _read_stamps(table: Table, name: str) -> np.ndarray:
 
 def _in_seconds(factor: float, formula: str) -> str:
     return formula if factor == 1.0 else f"{factor:g} * {formula}"
-
-
-def _runs_on(values: np.ndarray) -> bool:
-    """Whether stamps mostly increase: a duration, as an exposure, goes up and down."""
-    steps = np.diff(values[np.isfinite(values)])
-    return float((steps >= 0).mean()) > RUNS_ON
 
 
 def _unit(name: str, values: np.ndarray, split: SplitStamp | None, draft: Draft) -> str:

@@ -14,6 +14,8 @@ from rosbags.typesys import Stores, get_typestore
 from samrl_core.common.errors import InputError
 from samrl_ros.cli.main import run
 from samrl_ros.log_import.devices import read_devices
+from samrl_ros.log_import.draft.any_draft import draft_any
+from samrl_ros.log_import.draft.guess import Draft
 
 EPOCH, COUNT, RATE = 1.7e9, 4000, 30.0
 IMU = "sensor_msgs/msg/Imu"
@@ -130,3 +132,32 @@ def bag(path: Path, plugin: StoragePlugin, drift: float, *topics: str) -> Path:
                 raw = store.serialize_cdr(message, IMU)
                 writer.write(connection, int(1e9 * (EPOCH + t + late)), raw)
     return path
+
+
+def draft_of_ticks(folder: Path, **beside: np.ndarray) -> Draft:
+    t, rng = seconds(), np.random.default_rng(9)
+    ticks = np.round(125e6 * (12.0 + t))
+    arrival = 1e9 * (91234.0 + t + way(rng))
+    return draft_any(
+        [log(folder / "run.csv", "%.0f", camera_timestamp_ticks=ticks, **beside, pc_receive_ns=arrival)],
+        None,
+        None,
+    )
+
+
+def test_ticks_of_a_clock_are_no_nanoseconds(tmp_path: Path) -> None:
+    """125 MHz at 30 Hz have the steps of a camera at 240 Hz in ns; the column beside says what they are."""
+    drafted = draft_of_ticks(tmp_path, camera_tick_hz=np.full(COUNT, 125e6))
+    assert drafted.readings["reading"].startswith("device / 125000000 + ") and not drafted.questions
+
+
+def test_ticks_that_nobody_states_are_asked_for(tmp_path: Path) -> None:
+    drafted = draft_of_ticks(tmp_path)
+    assert drafted.readings["reading"].startswith("device / 125000000 + ")
+    assert any("how many ticks per second" in question for question in drafted.questions)
+
+
+def test_a_clock_that_runs_a_thousand_times_as_fast_in_its_unit_is_asked_for(tmp_path: Path) -> None:
+    t, rng = seconds(), np.random.default_rng(10)
+    path = log(tmp_path / "run.csv", host_time_s=EPOCH + t + way(rng), device_time_ms=1e6 * t)
+    assert any("in ms?" in question for question in draft_any([path], None, None).questions)

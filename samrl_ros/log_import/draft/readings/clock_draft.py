@@ -30,6 +30,8 @@ HOST = ARRIVAL | frozenset("trigger host system pc ptp local ros reference ref".
 DEVICE = frozenset("device camera cam sensor hardware hw header exposure image imu driver mcu robot".split())
 COUNTERS = frozenset("frame frames seq index id number count".split())
 RUNS_ALIKE = 0.999  # correlation of two clocks
+RATES = frozenset("hz freq frequency rate".split())
+SAME_RATE = 0.02  # by which no clock is off that is in the unit, or counts the ticks, that it is said to
 FAR_APART_S = 5.0  # that no clock is off, which counts from the same moment
 EPOCH_S = 1e8  # since 1970, beyond which a clock tells the date
 TRANSPORT_S = 0.05  # by which a message may arrive after what it tells
@@ -99,20 +101,21 @@ def describe_clocks(clocks: Clocks, tables: Sequence[Table], draft: Draft) -> tu
     split = {name: split_stamp(tables[0], name) for name in (device, host)}
     units = {host: _unit(host, values[host], split[host], draft)}
     by = {host: SECONDS[units[host]]}
+    runs = _counts_per_second(values[device], by[host] * values[host])
     if clocks.counts:
-        frames, time = values[device], by[host] * values[host]
-        both = np.isfinite(frames) & np.isfinite(time)
-        rate = float(np.polyfit(time[both] - time[both][0], frames[both], 1)[0])
-        usual = min(USUAL_RATES_HZ, key=lambda each: abs(np.log(each / rate)))
+        usual = min(USUAL_RATES_HZ, key=lambda each: abs(np.log(each / runs)))
         by[device], units[device] = 1.0 / usual, ""
         draft.note(
-            "readings", f"{device!r} counts frames, {rate:.6g} in a second of {host!r}",
+            "readings", f"{device!r} counts frames, {runs:.6g} in a second of {host!r}",
             f"at how many frames per second is the sensor said to run? {usual} stands in `reading`",
         )  # fmt: skip
     else:
         draft.note("readings", f"{device!r} are a device's stamps, {host!r} another clock's: by their names")
-        units[device] = _unit(device, values[device], split[device], draft)
-        by[device] = SECONDS[units[device]]
+        units[device] = _unit(device, values[device], split[device], draft, host, runs)
+        if not units[device]:
+            by[device] = 1.0 / _ticks_per_second(clocks, tables, runs, draft)
+        else:
+            by[device] = SECONDS[units[device]]
     shift = _shift(by, clocks, tables, draft)
     columns = {"device": device, "host": host}
     names = dict.fromkeys(columns, "")
@@ -124,7 +127,9 @@ def describe_clocks(clocks: Clocks, tables: Sequence[Table], draft: Draft) -> tu
     formulas = [names["device"], names["host"]]
     unit = units[host]
     if units[device] != units[host] or shift:
-        own = f"device / {round(1.0 / by[device])}" if clocks.counts else _in_seconds(by[device], formulas[0])
+        own = _in_seconds(by[device], formulas[0])
+        if not units[device]:
+            own = f"{formulas[0]} / {round(1.0 / by[device])}"
         formulas = [f"{own} + {shift!r}" if shift else own, _in_seconds(by[host], formulas[1])]
         unit = "s"
     two = split[host]
@@ -190,18 +195,73 @@ def _in_seconds(factor: float, formula: str) -> str:
     return formula if factor == 1.0 else f"{factor:g} * {formula}"
 
 
-def _unit(name: str, values: np.ndarray, split: SplitStamp | None, draft: Draft) -> str:
-    """In which a clock's stamps are, by its name or its steps."""
+def _unit(
+    name: str, values: np.ndarray, split: SplitStamp | None, draft: Draft, host: str = "", runs: float = 0.0
+) -> str:
+    """In which a clock's stamps are: by its name, by the other clock, or by its steps; empty for ticks.
+
+    Args:
+        name: of its column.
+        values: (N,) its stamps.
+        split: its whole seconds and their rest, where they stand in two columns.
+        draft: gets the proof.
+        host: the other clock, whose unit is known; empty where there is none yet.
+        runs: by how much this one grows in a second of the other.
+    """
     if split is not None:
         draft.note("readings", f"{split.proof} are one stamp")
         return "s"
     said, found = meaning(name).unit, evidence.time_unit(np.diff(values[np.isfinite(values)]))
     if name.startswith(("header.stamp", "log_time")):
         said = "s"  # of a bag's messages
-    unit = said if said in SECONDS else (found or ["s"])[0]
-    question = f"is {name!r} in {unit}?" if said not in SECONDS and len(found) != 1 else ""
-    draft.note("readings", f"{name!r} in {unit}: {'its name' if said in SECONDS else 'its steps'}", question)
+    if said in SECONDS:
+        apart = runs * SECONDS[said] if host else 1.0
+        question = "" if abs(apart - 1.0) < SAME_RATE else (
+            f"is {name!r} in {said}? {host!r} runs {1.0 / apart:.4g} times as fast then"
+        )  # fmt: skip
+        draft.note("readings", f"{name!r} in {said}: its name", question)
+        return said
+    if host:
+        unit = next((each for each, s in SECONDS.items() if abs(runs * s - 1.0) < SAME_RATE), "")
+        if unit:
+            draft.note("readings", f"{name!r} in {unit}: it runs as {host!r} does")
+        return unit
+    unit = (found or ["s"])[0]
+    draft.note("readings", f"{name!r} in {unit}: its steps", f"is {name!r} in {unit}?" * (len(found) != 1))
     return unit
+
+
+def _counts_per_second(counts: np.ndarray, seconds: np.ndarray) -> float:
+    """By how much a device's column (N,) grows in a second of the other clock's stamps (N,) [s]."""
+    both = np.isfinite(counts) & np.isfinite(seconds)
+    since = seconds[both] - seconds[both][0]
+    return float(np.polyfit(since, counts[both] - counts[both][0], 1)[0])
+
+
+def _ticks_per_second(clocks: Clocks, tables: Sequence[Table], runs: float, draft: Draft) -> float:
+    """How many ticks a device's clock is said to count in a second: by a column beside it, else asked for."""
+    told = {}
+    for table in tables:
+        for name in table.columns:
+            values = numbers_of(table, name) if set(words_in(name)) & RATES else None
+            if (
+                values is not None
+                and values.ndim == 1
+                and len(seen := np.unique(values[np.isfinite(values)])) == 1
+            ):
+                told.setdefault(name, set()).add(float(seen[0]))
+    stated = {name: min(rates) for name, rates in told.items() if len(rates) == 1}
+    near = [name for name, rate in stated.items() if abs(runs / rate - 1.0) < SAME_RATE]
+    counted = f"{clocks.device!r} counts ticks, {runs:.9g} in a second of {clocks.host!r}"
+    if len(near) == 1:
+        draft.note("readings", f"{counted}; {near[0]!r} states {stated[near[0]]:.9g}")
+        return stated[near[0]]
+    usual = float(f"{runs:.3g}")
+    draft.note(
+        "readings", counted,
+        f"at how many ticks per second is its clock said to run? {usual:.9g} stands in `reading`",
+    )  # fmt: skip
+    return usual
 
 
 def _shift(by: dict[str, float], clocks: Clocks, tables: Sequence[Table], draft: Draft) -> float:

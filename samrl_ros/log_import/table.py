@@ -14,7 +14,14 @@ import pandas as pd
 from samrl_core.common.errors import InputError
 
 WIDEST = 1024  # numbers of one sample that are read; more is an image, no signal
+NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf)"
+SPACED = re.compile(rf"(?:{NUMBER})(?:[ ;]+(?:{NUMBER})){{2,}}", re.IGNORECASE)  # `0.1 0.2 0.3` in one cell
 _SEPARATORS = re.compile(r"[,;\s]+")
+
+
+def _is_list(cell: str) -> bool:
+    """Whether a cell holds several numbers: in brackets, or three and more with blanks between."""
+    return cell.lstrip().startswith(("[", "(", "{")) or bool(SPACED.fullmatch(cell.strip()))
 
 
 @dataclass
@@ -34,7 +41,7 @@ class Table:
         cells = self._get(name, where)
         if isinstance(cells, np.ndarray):
             return cells
-        if any(str(cell).lstrip().startswith(("[", "(", "{")) for cell in cells.head(10)):
+        if any(_is_list(str(cell)) for cell in cells.head(10)):
             return self._lists(name, cells, where)
         numbers = pd.Series(pd.to_numeric(cells, errors="coerce"))
         self._refuse(name, cells, numbers, where, "number")

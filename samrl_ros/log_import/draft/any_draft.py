@@ -8,7 +8,12 @@ from pathlib import Path
 from samrl_ros.log_import.draft.bag_set import bags_of, spread
 from samrl_ros.log_import.draft.blocks import ROS_TYPES, numbers_of
 from samrl_ros.log_import.draft.bodies.body_draft import draft_bodies
-from samrl_ros.log_import.draft.bodies.seen_tracks import are_at_once, is_named_body, is_of_a_machine
+from samrl_ros.log_import.draft.bodies.seen_tracks import (
+    are_at_once,
+    is_named_body,
+    is_of_a_machine,
+    stands_still,
+)
 from samrl_ros.log_import.draft.guess import Draft, Effort
 from samrl_ros.log_import.draft.joints.joint_draft import draft_mapping
 from samrl_ros.log_import.draft.poses.joint_chain import draft_joint_chain
@@ -114,5 +119,5 @@ def _tables_beside(tables: Sequence[LoggedTable]) -> list[str]:
 
 def _few_poses(tracks: Sequence[LoggedTrack]) -> bool:
     """Whether no file, and no bag, holds two poses, so that there is no chain."""
-    paths = [each.motion for each in tracks if each.track.whole]
+    paths = [each.motion for each in tracks if each.track.whole and not stands_still(each, tracks)]
     return len(paths) == len(set(paths)) and (len(paths) < 2 or len({t.track.stem for t in tracks}) == 1)

@@ -17,12 +17,13 @@ from samrl_core.common.errors import InputError
 from samrl_ros.log_import.formats.encoding import decoded_text
 from samrl_ros.log_import.formats.text import is_known_export
 from samrl_ros.log_import.specs import CsvOptions
+from samrl_ros.log_import.table import NUMBER, SPACED
 from samrl_ros.log_import.tables import is_text_table
 
 _HEAD = 60  # lines that are looked at
 _COMMENTS = ("#", "%", "//")
 _DELIMITERS = (",", ";", "\t", " ")
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf)", re.IGNORECASE)
+_NUMBER = re.compile(NUMBER, re.IGNORECASE)
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 _ENOUGH = 0.5  # of a row's cells that are numbers
 _FEW = 3  # rows that show how a file is written
@@ -67,19 +68,21 @@ def _options(lines: Sequence[str], tab: bool) -> CsvOptions | None:
         return CsvOptions(header=False)  # one column, without a name
     if (named := _named_in_rows(lines)) is not None:
         return named
-    best: tuple[tuple[int, int], str, str] | None = None
+    best: tuple[tuple[bool, int, int], str, str] | None = None
     for delimiter in _DELIMITERS:
         for decimal in (".", ","):
             if decimal == delimiter:
                 continue
             width = _width(lines, delimiter, decimal)
-            # Of rows such as `0,1;2;3` most cells are numbers with a point, too: all are with a comma.
-            rank = width, sum(_count_numbers(line, delimiter, decimal) for line in lines)
+            # Of rows such as `0,1;2;3` most cells are numbers with a point, too: all are with a comma. Of
+            # `0.1,1 2 3` most of what blanks part are numbers, too: all of what commas part are, or lists.
+            listed = delimiter != " " and _holds_lists(lines, delimiter, width)
+            rank = listed, width, sum(_count_numbers(line, delimiter, decimal) for line in lines)
             if width > 1 and (best is None or rank > best[0]):
                 best = rank, delimiter, decimal
     if best is None:
         return None
-    (width, _), delimiter, decimal = best
+    (_, width, _), delimiter, decimal = best
     comment = next((c for c in _COMMENTS if lines[0].startswith(c)), "")
     begin = next(k for k, line in enumerate(lines) if _is_data(line, delimiter, decimal, width))
     above = [k for k in range(begin) if lines[k].strip()]
@@ -244,8 +247,20 @@ def _count_numbers(line: str, delimiter: str, decimal: str) -> int:
     return sum(
         1
         for cell in _cells(line, delimiter)
-        if _NUMBER.fullmatch(cell) or (decimal == "," and _DECIMAL_COMMA.fullmatch(cell))
+        if _NUMBER.fullmatch(cell)
+        or (decimal == "," and _DECIMAL_COMMA.fullmatch(cell))
+        or (delimiter != " " and SPACED.fullmatch(cell))
     )
+
+
+def _holds_lists(lines: Sequence[str], delimiter: str, width: int) -> bool:
+    """Whether each row is numbers and some lists of them, with blanks between, as `0.1,1 2 3,0 0 0 1`."""
+    rows = [_cells(line, delimiter) for line in lines if _is_data(line, delimiter, ".", width)]
+    lists = [sum(bool(SPACED.fullmatch(cell)) for cell in row) for row in rows]
+    numbers = [sum(bool(_NUMBER.fullmatch(cell)) for cell in row) for row in rows]
+    return bool(rows) and all(lists) and all(
+        a + b == len(row) for a, b, row in zip(lists, numbers, rows, strict=True)
+    )  # fmt: skip
 
 
 def _cells(line: str, delimiter: str) -> list[str]:

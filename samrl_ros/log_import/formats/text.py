@@ -125,7 +125,7 @@ def rows_of(
         )
     if label not in columns:
         raise InputError(f"{where} has no column {label!r} that `csv.label` names")
-    labels = np.array([str(cell).strip() for cell in columns[label]])
+    labels = labels_in(columns[label])
     keep = labels == part
     if not keep.any():
         present = ", ".join(map(repr, list(dict.fromkeys(map(str, labels)))[:10]))
@@ -137,3 +137,9 @@ def rows_of(
         for name, values in columns.items()
         if name != label
     }
+
+
+def labels_in(cells: np.ndarray | pd.Series) -> np.ndarray:
+    """What each row (N,) is of, as text; a number as it is written: 7, where a column holds 7.0."""
+    numbers = isinstance(cells, np.ndarray)
+    return np.array([f"{cell:.15g}" if numbers else str(cell).strip() for cell in cells])

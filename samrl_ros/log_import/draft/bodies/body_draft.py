@@ -37,6 +37,7 @@ from samrl_ros.log_import.draft.tracks.track_entries import (
     add_track_source,
     empty_columns,
     length_unit,
+    turns_unit,
 )
 from samrl_ros.log_import.pose_specs import LENGTHS
 
@@ -66,8 +67,8 @@ def draft_bodies(tracks: Sequence[LoggedTrack]) -> Draft | None:
     # Topics of a bag, and labels of a file's rows, are things beside each other; files are one after another,
     # and so are a file's groups.
     files = list(dict.fromkeys(each.motion for each in candidates))
-    alike = {file: tuple((c.part, *c.track.used) for c in candidates if c.motion == file) for file in files}
-    if len(files) > 1 and len(set(alike.values())) > 1:
+    alike = {file: sorted((c.part, *c.track.used) for c in candidates if c.motion == file) for file in files}
+    if any(each != alike[files[0]] for each in alike.values()):
         return None  # tracks of several devices, not several motions of one body
     first = [look_at(each) for each in candidates if each.motion == files[0]]
     chosen, question = choose_track(first)
@@ -110,10 +111,15 @@ def _most_fall_alike(runs: Sequence[SeenTrack]) -> bool:
 
 def _falls_along_a_plane(runs: Sequence[SeenTrack]) -> bool:
     """Whether what looks like a fall lies in the plane that most tracks stay in, as a push there does."""
+    axis = _plane_of_most(runs)
+    return axis is not None and any(run.fall is not None and run.fall.axis != axis for run in runs)
+
+
+def _plane_of_most(runs: Sequence[SeenTrack]) -> int | None:
+    """The axis across the plane that most tracks stay in; None where they stay in none."""
     across = [_plane_across(run) for run in runs]
     axis = max(range(3), key=across.count)
-    flat = across.count(axis) > 0.5 * len(runs)
-    return flat and any(run.fall is not None and run.fall.axis != axis for run in runs)
+    return axis if across.count(axis) > 0.5 * len(runs) else None
 
 
 def _plane_across(run: SeenTrack) -> int | None:
@@ -138,10 +144,13 @@ def _describe_track(
     if lost:
         draft.note("sources.track.missing", f"{lost} poses are empty: not seen there, so they are left out")
     _describe_time(chosen, fall, source, draft)
+    if "angle_unit" in entry and not each.track.angle_unit:
+        turned = [run.each for run in runs if run.each.track.rotation == each.track.rotation]
+        entry["angle_unit"] = max((turns_unit(run) for run in turned), key=lambda unit: unit == "deg")
     if each.track.axes != "xyz":
         entry["axes"] = each.track.axes
     entry.pop("source")
-    _describe_unit(chosen, fall, entry, draft)
+    _describe_unit(chosen, fall, _plane_of_most(runs), entry, draft)
     _describe_turns(each, entry, draft)
     if len(each.track.axes) == 2 and not each.track.rotation:
         _add_angle(each, source, entry, draft)
@@ -183,7 +192,10 @@ def _describe_time(chosen: SeenTrack, fall: FreeFall | None, source: dict[str, A
             draft.note(key, "some steps do not increase; such rows are left out")
 
 
-def _describe_unit(chosen: SeenTrack, fall: FreeFall | None, entry: dict[str, Any], draft: Draft) -> None:
+def _describe_unit(
+    chosen: SeenTrack, fall: FreeFall | None, across: int | None, entry: dict[str, Any], draft: Draft
+) -> None:
+    """Of its length; `across` is the axis across the plane that it stays in, in which friction slows it."""
     key, each = "bodies.track.unit", chosen.each
     said = each.track.unit
     if fall is not None:
@@ -211,7 +223,7 @@ def _describe_unit(chosen: SeenTrack, fall: FreeFall | None, entry: dict[str, An
     if chosen.time is not None and len(chosen.time.units) == 1:
         stamps = chosen.time.seconds(chosen.time.units[0])
         scale = find_unscaled_fall(*clean_poses(stamps, each.position))
-    if scale is not None:
+    if scale is not None and across in (None, scale.axis):
         entry["unit"] = "m"
         metres = G / scale.gravity
         draft.note(
@@ -250,7 +262,8 @@ def _describe_turns(each: LoggedTrack, entry: dict[str, Any], draft: Draft) -> N
     elif kind == "rpy":
         draft.note(
             "bodies.track.rpy", "roll, pitch and yaw by their names",
-            "do they turn about the fixed x, y, z axes in this order, as in a URDF?",
+            "do they turn about the fixed x, y, z axes in this order, as in a URDF"
+            + ("?" if each.track.angle_unit else f", and are they in {entry['angle_unit']}?"),
         )  # fmt: skip
 
 

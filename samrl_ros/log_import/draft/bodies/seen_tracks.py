@@ -95,6 +95,20 @@ def is_named_body(each: LoggedTrack) -> bool:
     return bool((each.words | set(words_in(each.path.stem))) & BODIES)
 
 
+def stands_still(each: LoggedTrack, tracks: Sequence[LoggedTrack]) -> bool:
+    """Whether what a row's label names stays where it is while another thing of that file moves.
+
+    A table's tag does. A few poses may stand apart, as a detector gives them.
+    """
+    ways = [(other, _most_of_its_way(other)) for other in tracks if other.motion == each.motion]
+    return bool(each.csv.label) and _most_of_its_way(each) < STILL * max(way for _, way in ways)
+
+
+def _most_of_its_way(each: LoggedTrack) -> float:
+    low, high = np.nanpercentile(each.position, [2, 98], axis=0)
+    return float(np.linalg.norm(high - low))
+
+
 def look_at(each: LoggedTrack) -> SeenTrack:
     """A track with its time, and what falls in it."""
     time = find_time(each, each.track.used)

@@ -29,7 +29,7 @@ from samrl_ros.log_import.draft.poses.descriptions import (
 from samrl_ros.log_import.draft.poses.pose_turns import LEAST_TURN, second_turn
 from samrl_ros.log_import.draft.tracks.angle_names import are_makers_letters
 from samrl_ros.log_import.draft.tracks.logged_tracks import LoggedTrack
-from samrl_ros.log_import.draft.tracks.pose_runs import PoseRuns, find_pose_runs
+from samrl_ros.log_import.draft.tracks.pose_runs import PoseRuns, find_pose_runs, one_of_each_side
 from samrl_ros.log_import.draft.tracks.pose_tracks import lettered_frames
 from samrl_ros.log_import.draft.tracks.track_entries import (
     FAR,
@@ -68,15 +68,15 @@ def draft_poses(
         InputError: the two cannot be compared.
     """
     chains, runs = frames or (None, None)
-    placed = [each for each in tracks if each.track.whole]
+    placed, asked = one_of_each_side([each for each in tracks if each.track.whole], side_of)
     if chains is not None:
-        placed = [chains.seen, chains.carried]
+        placed, asked = [chains.seen, chains.carried], ""
     if len(placed) < 2:
         return None
     draft = Draft(about="Drafted by samrl bag draft. Every entry has its reason beside it; check them.")
     runs = find_pose_runs(placed, side_of) if chains is None else runs
     used = placed if runs is None else [runs.seen[0], runs.carried[0]]
-    seen, carried = _roles(used, draft) if chains is None else _told_roles(chains, draft)
+    seen, carried = _roles(used, asked, draft) if chains is None else _told_roles(chains, draft)
     draft.unused += [each.name for each in used if each is not seen and each is not carried]
     keys = {"target": seen} | ({"flange": carried} if carried.place != seen.place else {})
     times = {key: add_pose_source(key, each, (seen, carried), draft) for key, each in keys.items()}
@@ -140,13 +140,13 @@ def side_of(each: LoggedTrack) -> int:
     return bool(words & SEEN) - bool(words & CARRIED and not words & SEEN)
 
 
-def _roles(placed: list[LoggedTrack], draft: Draft) -> tuple[LoggedTrack, LoggedTrack]:
-    """The target's poses and the flange's, by their names."""
+def _roles(placed: list[LoggedTrack], asked: str, draft: Draft) -> tuple[LoggedTrack, LoggedTrack]:
+    """The target's poses and the flange's, by their names; `asked` of others that were left out."""
     # A world in the camera beside a flange is a board, beside an object in the camera it is what moves that.
     ranked = sorted(placed, key=lambda each: (side_of(each), each.is_camera_in_world), reverse=True)
     seen, carried = ranked[0], ranked[-1]
     sure = side_of(seen) > 0 > side_of(carried) and len(placed) == 2
-    question = "" if sure else f"is it the target as the camera sees it, and {carried.name} the flange's?"
+    question = asked if sure else f"is it the target as the camera sees it, and {carried.name} the flange's?"
     draft.note("poses.target_in_camera", f"{seen.name}: {'by its name' if sure else 'a guess'}", question)
     return seen, carried
 

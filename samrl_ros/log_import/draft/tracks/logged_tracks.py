@@ -36,7 +36,7 @@ from samrl_ros.log_import.draft.tracks.pose_tracks import (
 from samrl_ros.log_import.formats.colmap import MAKER
 from samrl_ros.log_import.formats.hdf5 import SUFFIXES as HDF5_SUFFIXES
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics, read_frames
-from samrl_ros.log_import.formats.text import rows_of
+from samrl_ros.log_import.formats.text import labels_in, rows_of
 from samrl_ros.log_import.formats.transform_tree import frames_of
 from samrl_ros.log_import.formats.views import files_of_views, find_views, is_of_views, name_of_file
 from samrl_ros.log_import.specs import CsvOptions
@@ -61,6 +61,7 @@ _KNOWN_FRAMES = SEEN | CARRIED | CAMERAS | BASES
 _TRANSFORMS = frozenset("t tf h x pose transform".split())  # T_base_ee
 _COMMANDED, _MEASURED = frozenset(COMMANDED.split()), frozenset(MEASURED.split())
 SLAM = frozenset("slam vio orbslam orb vins okvis rovio svo dso".split())  # in names of files
+NUMBERED = frozenset("id ids tag marker body object label".split())  # in names of columns that number things
 MOST_LABELS = 16  # things that rows of one file are of
 SHARED = 0.5  # of the time, that things beside each other are seen together
 
@@ -127,7 +128,9 @@ class LoggedTrack:
 
     @property
     def words(self) -> set[str]:
-        """Of its name; of the file where the columns say nothing."""
+        """Of its name, or its file's where the columns say nothing; of a numbered thing its column's."""
+        if self.csv.label and self.part.isdecimal():
+            return set(words_in(self.csv.label)) | set(self.track.stem)
         if self.part:
             return set(_words(self.part))
         return set(self.track.stem) - {"data"} or set(self.path.stem.lower().replace("-", "_").split("_"))
@@ -273,10 +276,13 @@ def split_by_label(whole: LoggedTable) -> list[LoggedTable]:
     take turns (`hand`, `eye`, `hand`, ...) are as many of each.
     """
     for label, cells in whole.table.columns.items():
-        if not isinstance(cells, pd.Series) or is_time(label):
+        if is_time(label) or not (isinstance(cells, pd.Series) or _numbers_things(label, cells)):
             continue
-        names = pd.Series(cells, dtype="str").str.strip()
+        names = pd.Series(labels_in(cells))
         count = names.value_counts()
+        few = [str(name) for name in count.index if count[name] < LEAST]
+        if few and isinstance(cells, np.ndarray):  # numbers that a detector mistook once or twice
+            names, count = names[~names.isin(few)], count[count >= LEAST]
         if not (1 < len(count) <= MOST_LABELS and int(count.min()) >= LEAST and len(count) < len(names)):
             continue
         options = whole.csv.model_copy(update={"label": label})
@@ -287,10 +293,16 @@ def split_by_label(whole: LoggedTable) -> list[LoggedTable]:
             table = replace(whole.table, columns=rows)
             tables.append(LoggedTable(whole.path, table, part, csv=options))
         if all(any(t.track.whole for t in each.tracks()) for each in tables) and _side_by_side(
-            whole.table, names.to_numpy(), parts
+            whole.table, labels_in(cells), parts
         ):
             return tables
     return []
+
+
+def _numbers_things(name: str, cells: np.ndarray | pd.Series) -> bool:
+    """Whether a column of whole numbers says which tag, marker or body a row is of, as `tag_id`."""
+    numbers = isinstance(cells, np.ndarray) and cells.ndim == 1 and bool((cells == np.round(cells)).all())
+    return numbers and bool(set(words_in(name)) & NUMBERED)
 
 
 def _side_by_side(table: Table, names: np.ndarray, parts: Sequence[str]) -> bool:

@@ -6,6 +6,8 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from samrl_ros.log_import.draft.tracks.logged_tracks import LoggedTrack
 
 _WORD = re.compile(r"[^\W_]+")  # of a file's name
@@ -32,7 +34,9 @@ def find_pose_runs(placed: Sequence[LoggedTrack], side: Callable[[LoggedTrack], 
     alike = len({tuple(e.track.used) for e in seen}) == len({tuple(e.track.used) for e in carried}) == 1
     whole = len(seen) == len(carried) > 1 and len(seen) + len(carried) == len(placed)
     folders = {each.path.parent for each in placed}
-    if not (alike and whole and len(folders) == 1) or any(each.part for each in placed):
+    parts = {(side, each.part) for side, group in enumerate((seen, carried)) for each in group if each.part}
+    labels = all(each.csv.label for each in placed if each.part) and len(parts) < 2
+    if not (alike and whole and len(folders) == 1) or not labels:
         return None
     if [each.path for each in seen] == [each.path for each in carried]:
         names = tuple(each.path.stem for each in seen)
@@ -46,6 +50,39 @@ def find_pose_runs(placed: Sequence[LoggedTrack], side: Callable[[LoggedTrack], 
             files = (file + seen[0].path.suffix, other_file + carried[0].path.suffix)
             return PoseRuns(tuple(one), tuple(seen), tuple(by_name[name] for name in one), files)
     return None
+
+
+def one_of_each_side(
+    placed: Sequence[LoggedTrack], side: Callable[[LoggedTrack], int]
+) -> tuple[list[LoggedTrack], str]:
+    """Of several targets that every file shows the one that was seen most often, and what to ask.
+
+    Args:
+        placed: every pose.
+        side: as `find_pose_runs`.
+    """
+    kept, asked = list(placed), []
+    for each_side in (1, -1):
+        by_file: dict[object, dict[object, LoggedTrack]] = {}
+        for each in placed:
+            if side(each) == each_side:
+                by_file.setdefault(each.path, {})[each.part, tuple(each.track.used)] = each
+        keys = [tuple(group) for group in by_file.values()]
+        labelled = any(each.csv.label for group in by_file.values() for each in group.values())
+        common = [key for key in keys[0] if all(key in group for group in keys)] if keys else []
+        if not common or max(map(len, keys)) < 2 or not (len(keys) > 1 or labelled):
+            continue
+        best = max(common, key=lambda key: sum(_count_seen(group[key]) for group in by_file.values()))
+        chosen = [group[best] for group in by_file.values()]
+        others = [each for group in by_file.values() for each in group.values() if each not in chosen]
+        kept = [each for each in kept if each not in others]
+        names = ", ".join(dict.fromkeys(each.name for each in others if each.path == chosen[0].path))
+        asked.append(f"is it {chosen[0].name}, and not {names}?")
+    return kept, " ".join(asked)
+
+
+def _count_seen(each: LoggedTrack) -> int:
+    return int(np.isfinite(each.position).all(axis=1).sum())
 
 
 def _sides(

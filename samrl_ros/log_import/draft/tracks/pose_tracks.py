@@ -31,6 +31,7 @@ RATES = frozenset(
 _PLURALS = {"rvecs": "rvec", "tvecs": "tvec", "rmats": "rmat"}  # OpenCV's calibrateCamera gives lists of them
 _LETTERS = ("x", "y", "z", "w")
 _FULL = {"position": 3, "quaternion": 4, "rotation_vector": 3, "rpy": 3}
+_NINE = 9  # numbers of a rotation
 JUMP = 5.0  # typical steps to the origin, from which on a zero is no place
 
 
@@ -95,13 +96,20 @@ def find_positions(table: Table, plural: bool = False) -> list[FoundTrack]:
     for stem, named in numbered.items():
         _add_parts(found, stem, [Component(named[k]) for k in sorted(named)])
     for stem, named in counted.items():
+        parts = [Component(named[k]) for k in sorted(named)]
+        numbers = np.column_stack([arrays[part.column] for part in parts])
+        if len(named) == _NINE and stem[-1] in _MATRIX and are_rotations(_seen(numbers)):
+            found.setdefault(stem, FoundTrack(stem)).columns["rotation_matrix"] = parts
         if len(named) in WIDTHS:
-            parts = [Component(named[k]) for k in sorted(named)]
-            numbers = np.column_stack([arrays[part.column] for part in parts])
             if listed := matrix_parts(parts, numbers):
                 found.setdefault(stem, FoundTrack(stem)).columns["matrix"] = listed
     tracks = _paired(list(found.values()))
     return tracks or find_unnamed(table, arrays)
+
+
+def _seen(numbers: np.ndarray) -> np.ndarray:
+    """Rows (N, K) but those that are all zero, as loggers fill what was not seen."""
+    return numbers[(numbers != 0.0).any(axis=1)]
 
 
 def _paired(tracks: list[FoundTrack]) -> list[FoundTrack]:
@@ -109,6 +117,11 @@ def _paired(tracks: list[FoundTrack]) -> list[FoundTrack]:
     positions = [t for t in tracks if not t.rotation]
     rotations = [t for t in tracks if t.rotation and not t.positioned]
     placed = [t for t in tracks if t.positioned]
+    for one in positions:  # c0_tx, c0_ty, c0_tz beside c0_r00, ..., c0_r22, and c1_tx, ...
+        own = [t for t in rotations if t.stem[:-1] == one.stem and t.stem[-1] in _MATRIX]
+        if one.stem and one.axes == "xyz" and len(own) == 1 and len(positions) > 1:
+            whole = replace(one, columns=one.columns | own[0].columns)
+            placed = [whole if t is one else t for t in placed]
     if len(positions) == 1 and len(rotations) == 1 and positions[0].axes == "xyz":
         one, other = positions[0], rotations[0]
         pose = replace(
@@ -267,18 +280,23 @@ def position_of(table: Table, track: FoundTrack) -> np.ndarray:
 def empty_zeros(table: Table, track: FoundTrack) -> None:
     """Make lost frames that a tracker wrote as zeros empty in the table, and count them in the track.
 
-    What comes from somewhere, is exactly at the origin for some frames, and then goes on, was not seen.
+    What comes from somewhere, is exactly at the origin for some frames, and then goes on, was not seen; nor
+    was what has a rotation of zeros, which is none.
     """
     parts = track.columns.get("position", [])
     if not parts or track.rotation == "matrix":
         return
     position = numbers_of_parts(table, parts)
     zero = (position == 0.0).all(axis=1)
+    turned = (
+        track.columns.get(track.rotation, []) if track.rotation in ("quaternion", "rotation_matrix") else []
+    )
+    unturned = (numbers_of_parts(table, turned) == 0.0).all(axis=1) if turned else np.zeros(len(zero), bool)
     steps = np.linalg.norm(np.diff(position[~zero], axis=0), axis=1)
     if not 0 < zero.sum() < 0.5 * len(zero) or not len(steps):
         return
     away = float(np.nanmin(np.linalg.norm(position[~zero], axis=1)))
-    if not away > JUMP * float(np.nanmedian(steps)):
+    if not (away > JUMP * float(np.nanmedian(steps)) or (unturned == zero).all()):
         return
     track.zeros = int(zero.sum())
     for name in {part.column for part in parts}:

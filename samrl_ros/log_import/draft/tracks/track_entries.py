@@ -143,10 +143,7 @@ def add_track_entry(each: LoggedTrack, key: str, draft: Draft) -> dict[str, Any]
         entry["position"] = [f"{INCH_M} * {formula}" for formula in _listed(entry["position"])]
     entry["unit"] = length_unit(each)
     if each.track.rotation in ("rpy", "rotation_vector"):
-        turned = float(
-            np.nanmax(np.abs(numbers_of_parts(each.table, each.track.columns[each.track.rotation])))
-        )
-        entry["angle_unit"] = each.track.angle_unit or ("deg" if turned > FULL_TURN else "rad")
+        entry["angle_unit"] = each.track.angle_unit or turns_unit(each)
     if not np.isfinite(track_numbers(each)).all():
         source["missing"] = "drop_row"
     if each.track.zeros:
@@ -156,6 +153,12 @@ def add_track_entry(each: LoggedTrack, key: str, draft: Draft) -> dict[str, Any]
             f"{each.track.zeros} poses are exactly zero amid others: lost frames, which are left out",
         )
     return entry
+
+
+def turns_unit(each: LoggedTrack) -> str:
+    """Of angles that no name says: degrees where they go beyond a turn in radians."""
+    turned = numbers_of_parts(each.table, each.track.columns[each.track.rotation])
+    return "deg" if float(np.nanmax(np.abs(turned))) > FULL_TURN else "rad"
 
 
 def empty_columns(each: LoggedTrack, source: dict[str, Any]) -> None:

@@ -98,7 +98,7 @@ def find_positions(table: Table, plural: bool = False) -> list[FoundTrack]:
     for stem, named in counted.items():
         parts = [Component(named[k]) for k in sorted(named)]
         numbers = np.column_stack([arrays[part.column] for part in parts])
-        if len(named) == _NINE and stem[-1] in _MATRIX and are_rotations(_seen(numbers)):
+        if len(named) == _NINE and stem[-1] in _MATRIX and are_rotations(_drop_zeros(numbers)):
             found.setdefault(stem, FoundTrack(stem)).columns["rotation_matrix"] = parts
         if len(named) in WIDTHS:
             if listed := matrix_parts(parts, numbers):
@@ -107,7 +107,7 @@ def find_positions(table: Table, plural: bool = False) -> list[FoundTrack]:
     return tracks or find_unnamed(table, arrays)
 
 
-def _seen(numbers: np.ndarray) -> np.ndarray:
+def _drop_zeros(numbers: np.ndarray) -> np.ndarray:
     """Rows (N, K) but those that are all zero, as loggers fill what was not seen."""
     return numbers[(numbers != 0.0).any(axis=1)]
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from samrl_core.common.errors import InputError
+from samrl_ros.log_import.draft.echoed_messages import echoed_names
 from samrl_ros.log_import.formats.encoding import decoded_text
 from samrl_ros.log_import.formats.text import is_known_export
 from samrl_ros.log_import.specs import CsvOptions
@@ -109,8 +110,11 @@ def _options(lines: Sequence[str], tab: bool) -> CsvOptions | None:
     if not names and _cells(lines[begin], delimiter) == [str(k) for k in range(width)]:
         # The numbers of columns, as pandas writes them where they have no names.
         return None if plain and begin == 0 else CsvOptions(**how, skip_lines=0 if comment else begin)
-    if not names and not above and _are_matrices(own, delimiter):
-        return CsvOptions(**how, header=False, rows_per_sample=4)
+    if not names and not above and (named := echoed_names([_cells(row, delimiter) for row in own])):
+        return CsvOptions(**how, header=named)
+    counted = all(_NUMBER.fullmatch(lines[k].strip()) for k in above)  # by the number of matrices, or nothing
+    if not names and counted and _are_matrices(own, delimiter):
+        return CsvOptions(**how, header=False, rows_per_sample=4, skip_lines=begin if above else 0)
     if not names:
         return CsvOptions(**how, header=False, skip_lines=0 if comment or not above else begin)
     header_at = next(k for k in reversed(above) if _named_by(lines[k], delimiter, names, width))

@@ -24,6 +24,7 @@ from samrl_ros.log_import.draft.column_names import (
     is_time,
     words_in,
 )
+from samrl_ros.log_import.draft.echoed_messages import CHILD, FRAME
 from samrl_ros.log_import.draft.text_layout import text_options
 from samrl_ros.log_import.draft.tracks.found_track import LEAST, FoundTrack
 from samrl_ros.log_import.draft.tracks.pose_tracks import (
@@ -240,9 +241,18 @@ def _tables_of(path: Path, alone: bool = False) -> list[LoggedTable]:
     if not is_file(path) or not (text or path.suffix.lower() in SUFFIXES):
         return []
     options = text_options(path)
-    whole = LoggedTable(path, read_table(path, options, "the log", ""), csv=options)
+    table = read_table(path, options, "the log", "")
+    whole = LoggedTable(path, table, header=_echoed_frames(path, table), csv=options)
     labelled = split_by_label(whole) if text else split_by_group(whole)
     return labelled or [whole]
+
+
+def _echoed_frames(path: Path, table: Table) -> tuple[str, str]:
+    """Child and parent frame of an echoed topic that names one of each; else empty."""
+    parent, child = (set(table.columns.get(name, pd.Series(dtype=str))) for name in (FRAME, CHILD))
+    if len(parent) != 1 or len(child) > 1:
+        return "", ""
+    return str(next(iter(child), path.stem)), str(next(iter(parent)))
 
 
 def split_by_group(whole: LoggedTable) -> list[LoggedTable]:
@@ -321,8 +331,20 @@ def _side_by_side(table: Table, names: np.ndarray, parts: Sequence[str]) -> bool
 
 
 def files_of(path: Path) -> list[Path]:
-    """What lies in a folder, by name; else the path itself."""
-    return sorted(path.iterdir()) if is_folder(path) and not is_bag(path) else [path]
+    """What lies in a folder, or in folders of runs there that hold the same files, by name; else the path."""
+    if not is_folder(path) or is_bag(path):
+        return [path]
+    inside = sorted(path.iterdir())
+    if any(each.suffix.lower() in SUFFIXES for each in inside):
+        return inside
+    runs = [_logs_in(each) for each in inside if is_folder(each) and not is_bag(each)]
+    names = {tuple(file.name for file in run) for run in runs}
+    alike = len(runs) > 1 and len(names) == 1 and len(runs[0]) > 1
+    return [file for run in runs for file in run] if alike else inside
+
+
+def _logs_in(folder: Path) -> list[Path]:
+    return sorted(each for each in folder.iterdir() if each.suffix.lower() in SUFFIXES)
 
 
 def _topics(path: Path) -> list[LoggedTable]:

@@ -33,11 +33,13 @@ def find_pose_runs(placed: Sequence[LoggedTrack], side: Callable[[LoggedTrack], 
     seen, carried = _sides(placed, side)
     alike = len({tuple(e.track.used) for e in seen}) == len({tuple(e.track.used) for e in carried}) == 1
     whole = len(seen) == len(carried) > 1 and len(seen) + len(carried) == len(placed)
-    folders = {each.path.parent for each in placed}
+    by_folder = _by_folder(seen, carried)
     parts = {(side, each.part) for side, group in enumerate((seen, carried)) for each in group if each.part}
     labels = all(each.csv.label for each in placed if each.part) and len(parts) < 2
-    if not (alike and whole and len(folders) == 1) or not labels:
+    if not (alike and whole) or not labels:
         return None
+    if len({each.path.parent for each in placed}) > 1:
+        return by_folder
     if [each.path for each in seen] == [each.path for each in carried]:
         names = tuple(each.path.stem for each in seen)
         file = f"{{name}}{seen[0].path.suffix}"
@@ -50,6 +52,20 @@ def find_pose_runs(placed: Sequence[LoggedTrack], side: Callable[[LoggedTrack], 
             files = (file + seen[0].path.suffix, other_file + carried[0].path.suffix)
             return PoseRuns(tuple(one), tuple(seen), tuple(by_name[name] for name in one), files)
     return None
+
+
+def _by_folder(seen: Sequence[LoggedTrack], carried: Sequence[LoggedTrack]) -> PoseRuns | None:
+    """Runs in a folder each, with files of the same names; None where they are not."""
+    names = [each.path.parent.name for each in seen]
+    files = [{each.path.name for each in side} for side in (seen, carried)]
+    together = len({each.path.parent.parent for each in (*seen, *carried)}) == 1
+    if not together or any(len(each) != 1 for each in files) or len(set(names)) < len(names):
+        return None
+    by_name = {each.path.parent.name: each for each in carried}
+    if sorted(by_name) != sorted(names):
+        return None
+    one, other = (f"{{name}}/{file}" for (file,) in files)
+    return PoseRuns(tuple(names), tuple(seen), tuple(by_name[name] for name in names), (one, other))
 
 
 def one_of_each_side(

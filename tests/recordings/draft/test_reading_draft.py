@@ -96,3 +96,16 @@ def test_a_short_table_of_distances_is_depth_and_says_what_it_lacks(
     assert run(["diagnose", str(path), "--out", str(tmp_path / "report")]) == 3
     said = capsys.readouterr().err
     assert "6 readings" in said and "not their mean" in said
+
+
+def test_of_a_sensors_zones_the_middle_one_is_judged_and_zeros_are_none(tmp_path: Path) -> None:
+    """A VL53L5CX has 64: they were joints of a machine, and zeros stand where no target was seen."""
+    true = distances(1000.0)
+    zones = {f"zone_{k}": true + k for k in range(16)}
+    zones["zone_8"][::7] = 0.0
+    path = log(tmp_path / "run.csv", timestamp_ms=67.0 * np.arange(len(true)), gt_distance_mm=true, **zones)
+    draft = drafted(path)
+    assert draft is not None and draft.readings["unit"] == "mm"
+    assert draft.sources["log"]["columns"]["reading"] == {"column": "zone_8", "empty": 0.0}
+    assert draft.sources["log"]["missing"] == "drop_row"
+    assert draft.questions and all("in the middle" in question for question in draft.questions)

@@ -23,6 +23,9 @@ from samrl_ros.log_import.table import Table
 
 DEPTH = frozenset("depth range tof lidar sonar ultrasonic realsense kinect".split())
 _SENSORS = re.compile(r"vl(?:53l|6180)\w*|hcsr04|hc[-_ ]sr04|gp2y\w*|d4[0-9]5i?", re.IGNORECASE)
+_ZONE = re.compile(r"(.*?)[ _.\[(]*(\d+)[\])]?")  # zone_0, depth[12]
+ZONES = frozenset("zone zones pixel px spad beam cell roi depth range".split())
+LEAST_ZONES = 4  # columns of one name and a number
 TRUTH = frozenset("true truth reference ref gt groundtruth ground actual laser plane distance".split())
 TRUTH |= frozenset("tape ruler caliper expected known".split())
 GIVEN = frozenset("measured raw reading sensor camera cam estimated est".split())
@@ -46,6 +49,8 @@ def draft_readings(tables: Sequence[LoggedTable]) -> Draft | None:
     counts = {name for name in columns if COUNTERS & set(words_in(name.rpartition(".")[2]))}
     read = [name for name in columns if _says_depth(name) and not says_truth(name) and name not in counts]
     read = read or [name for name in columns if _says_measured_length(name)]
+    zones = _zones([name for name in columns if not says_truth(name)])
+    read = zones[len(zones) // 2 :][:1] or read
     unsaid = not read and len(columns) == len(tables[0].table.columns) == 2
     if unsaid:  # `expected,measured`, without a time beside, which a log of a controlled joint has
         read = [name for name in columns if GIVEN & set(words_in(name))]
@@ -53,6 +58,11 @@ def draft_readings(tables: Sequence[LoggedTable]) -> Draft | None:
     draft = Draft(about="Drafted by samrl bag draft. Every entry has its reason beside it; check them.")
     if pairs:
         used = _describe_depth(columns, pairs, draft)
+        if zones:
+            draft.note(
+                "readings", f"{len(zones)} zones, {zones[0]!r} to {zones[-1]!r}, read the same distance",
+                f"is it {used[0]!r} in the middle that is to be judged? One reading is compared at a time",
+            )  # fmt: skip
         if unsaid:
             why = f"neither {used[0]!r} nor {used[1]!r} says of what"
             draft.note("readings", why, "are they a sensor's distances, in this unit?")
@@ -66,6 +76,10 @@ def draft_readings(tables: Sequence[LoggedTable]) -> Draft | None:
     if stated := stated_options(tables[0].csv):
         source["csv"] = stated
     draft.sources["log"] |= source
+    if pairs and any((each.table.numbers(used[0], "the log") == 0.0).any() for each in tables):
+        draft.sources["log"]["columns"]["reading"] = {"column": used[0], "empty": 0.0}
+        draft.sources["log"]["missing"] = "drop_row"
+        draft.note("sources.log.columns", f"{used[0]!r} is exactly zero at times: nothing was seen there")
     if any(np.isnan(each.table.numbers(name, "the log")).any() for each in tables for name in used):
         draft.sources["log"]["missing"] = "drop_row"
     paths = [each.path for each in tables]
@@ -89,7 +103,7 @@ def _describe_depth(
         f"{reading!r} is what the sensor gave, {reference!r} how far it was: by their names",
         f"is it {reading!r} against {reference!r}, and not {_listed(pairs[1:])}?" if several else "",
     )
-    both = np.isfinite(columns[reading]) & np.isfinite(columns[reference])
+    both = np.isfinite(columns[reading]) & np.isfinite(columns[reference]) & (columns[reading] != 0.0)
     typical = float(np.median(columns[reference][both]))
     known = [unit for unit, factor in LENGTHS.items() if NEAREST < factor * typical < FARTHEST]
     said = [unit for unit in known if unit in {w for n in (reading, reference) for w in words_in(n)}]
@@ -124,6 +138,17 @@ def _numbers(table: Table, name: str) -> np.ndarray | None:
     return values
 
 
+def _zones(names: Sequence[str]) -> list[str]:
+    """Columns of one name and a number, in its order, that many sensors' zones have; else none."""
+    found: dict[str, list[tuple[int, str]]] = {}
+    for name in names:
+        parts = _ZONE.fullmatch(name)
+        if parts is not None and set(words_in(parts[1])) & ZONES:
+            found.setdefault(parts[1], []).append((int(parts[2]), name))
+    most = max(found.values(), key=len, default=[])
+    return [name for _, name in sorted(most)] if len(most) >= LEAST_ZONES else []
+
+
 def _says_depth(name: str) -> bool:
     return bool(set(words_in(name)) & DEPTH) or _SENSORS.search(name) is not None
 
@@ -141,7 +166,7 @@ def says_truth(name: str) -> bool:
 
 
 def _alike(a: np.ndarray, b: np.ndarray) -> bool:
-    both = np.isfinite(a) & np.isfinite(b)
+    both = np.isfinite(a) & np.isfinite(b) & (a != 0.0)  # where nothing was seen
     if both.sum() < FEWEST or np.ptp(a[both]) == 0.0 or np.ptp(b[both]) == 0.0:
         return False
     return float(np.corrcoef(a[both], b[both])[0, 1]) > ALIKE

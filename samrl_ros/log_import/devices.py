@@ -91,6 +91,7 @@ def refuse_questions(draft: Draft, paths: Sequence[Path], options: str = "") -> 
 def data_folder(draft: Draft, path: Path) -> Path:
     """Folder from which a draft's files count."""
     files = [source.get("file") for source in draft.sources.values()]
+    path = path if path.name else path.absolute()  # `.` has a name there
     if bags_in(path):
         return path
     if is_folder(path) and not is_bag(path) and not all(file == path.name for file in files):

@@ -20,6 +20,8 @@ import pandas as pd
 from samrl_core.common.array_file import UNREADABLE
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_file, is_folder
+from samrl_ros.log_import.formats.point_clouds import SUFFIXES as CLOUDS
+from samrl_ros.log_import.formats.point_clouds import read_cloud
 from samrl_ros.log_import.formats.text import read_text_table
 from samrl_ros.log_import.specs import ImageOptions
 from samrl_ros.log_import.table import Table
@@ -79,11 +81,13 @@ def read_depth_images(path: Path, options: ImageOptions, where: str) -> Table:
 
 
 def image_files(folder: Path) -> list[Path]:
-    """Depth images of a folder and of the folders in it, by name; those of colour are left out."""
-    found = sorted(
-        file for file in folder.glob("**/*")
-        if file.suffix.lower() in SUFFIXES and len(file.relative_to(folder).parts) <= 3 and is_file(file)
+    """Depth images of a folder and of the folders in it, by name, none of colour; else its point clouds."""
+    there = sorted(
+        file for file in folder.glob("**/*") if len(file.relative_to(folder).parts) <= 3 and is_file(file)
     )  # fmt: skip
+    found = [file for file in there if file.suffix.lower() in SUFFIXES]
+    if not found:
+        return [file for file in there if file.suffix.lower() in CLOUDS]
     named = [f for f in found if "depth" in str(f.relative_to(folder)).lower()]
     plain = [
         f for f in found if f.suffix.lower() != ".npy" and not set(_words(f.relative_to(folder))) & OTHERS
@@ -147,6 +151,8 @@ def _is_depth(image: np.ndarray) -> bool:
 def _image(file: Path, where: str) -> np.ndarray:
     if file.suffix.lower() == ".npy":
         return next(iter(arrays_in(file, where).values()), np.zeros(0))
+    if file.suffix.lower() in CLOUDS:
+        return read_cloud(file, where)
     try:
         image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
     except cv2.error as error:

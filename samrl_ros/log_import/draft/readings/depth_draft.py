@@ -37,6 +37,8 @@ from samrl_ros.log_import.formats.depth_images import (
 )
 from samrl_ros.log_import.formats.intrinsics import Intrinsics, of_matrix, read_cameras
 from samrl_ros.log_import.formats.parquet import is_lerobot
+from samrl_ros.log_import.formats.point_clouds import CAMERA as CLOUD_CAMERA
+from samrl_ros.log_import.formats.point_clouds import SUFFIXES as CLOUDS
 from samrl_ros.log_import.formats.rosbag import is_bag
 from samrl_ros.log_import.pose_specs import LENGTHS
 from samrl_ros.log_import.specs import CsvOptions
@@ -56,6 +58,7 @@ def draft_depth_images(paths: Sequence[Path]) -> Draft | None:
     Raises:
         InputError: images that are no depth, or cannot be read.
     """
+    paths = [path if path.name else path.absolute() for path in paths]  # `.` has a name there
     if len(paths) == 1 and is_folder(paths[0]) and not _holds_images(paths[0]):
         paths = _stacks_of(paths[0])
     if not paths or not all(_holds_images(path) for path in paths):
@@ -238,6 +241,11 @@ def _per_metre(
 
 def _intrinsics(path: Path, cameras: list[Any], width: int, height: int, draft: Draft) -> Intrinsics:
     where = "sources.log.images"
+    if is_folder(path) and image_files(path)[0].suffix.lower() in CLOUDS:
+        draft.note(
+            where, "points have rays of their own: they are put into a camera that is none of the log's"
+        )
+        return CLOUD_CAMERA
     if path.suffix.lower() == ".npz":
         matrices = arrays_in(path, "the log").values()
         found = [k for each in matrices if (k := of_matrix(each)) is not None]

@@ -64,6 +64,22 @@ def test_echoed_poses_in_a_folder_for_each_run_leave_nothing_to_ask(tmp_path: Pa
     assert len(found) == 2 and all(closing_error(each.recording) < 1e-6 for each in found)
 
 
+def test_a_row_that_a_later_run_holds_twice_is_left_out(tmp_path: Path) -> None:
+    """The first run decided, so that a draft without a question was refused as a mapping."""
+    rng = np.random.default_rng(9)
+    for k, run in enumerate(RUNS):
+        hand, seen = chain(rng)
+        write_echo(tmp_path / run / "tcp_pose.csv", hand, 1_700_000_000 + 900 * k, "base_link")
+        write_echo(tmp_path / run / "charuco_pose.csv", seen, 1_700_000_000 + 900 * k, "camera")
+    path = tmp_path / RUNS[1] / "charuco_pose.csv"
+    rows = path.read_text().splitlines()
+    path.write_text("\n".join([*rows[:5], *rows[4:]]))
+    drafted = draft_any([tmp_path], None, None)
+    assert drafted.sources["target"]["time"]["repeated"] == "drop"
+    assert "repeated" not in drafted.sources["flange"]["time"]
+    assert len(poses_of(as_yaml(drafted), tmp_path / "m.yaml", tmp_path)) == 2
+
+
 @pytest.mark.parametrize(
     "row",
     [

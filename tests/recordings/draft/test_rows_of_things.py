@@ -42,6 +42,15 @@ def test_the_tag_that_moves_amid_others_is_the_body(tmp_path: Path) -> None:
     assert source["time"] == {"column": "timestamp", "unit": "s"}
 
 
+def test_a_row_that_a_later_file_holds_twice_is_left_out(tmp_path: Path) -> None:
+    """The first file decided, so that the mapping was refused."""
+    draft_of_shoves(tmp_path)
+    path = tmp_path / "shove_2.csv"
+    rows = path.read_text().splitlines()
+    path.write_text("\n".join([*rows[:20], *rows[17:]]))  # three rows, one of each tag
+    assert draft_any([tmp_path], None, None).sources["track"]["time"]["repeated"] == "drop"
+
+
 def test_what_slows_down_in_a_plane_is_no_fall_in_an_unknown_unit(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

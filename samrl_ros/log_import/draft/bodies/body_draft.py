@@ -25,6 +25,8 @@ from samrl_ros.log_import.draft.bodies.seen_tracks import (
     is_named_body,
     is_of_a_machine,
     look_at,
+    plane_across,
+    plane_of_most,
 )
 from samrl_ros.log_import.draft.column_names import meaning, words_in
 from samrl_ros.log_import.draft.guess import Draft
@@ -37,13 +39,13 @@ from samrl_ros.log_import.draft.tracks.track_entries import (
     add_track_source,
     empty_columns,
     length_unit,
+    repeats_time,
     turns_unit,
 )
 from samrl_ros.log_import.pose_specs import LENGTHS
 
 MOST_RUNS = 20  # of a folder that are searched for contact
 PLACEHOLDER_HZ = 100.0
-FLAT = 0.2  # of the next narrower width of a track, up to which it stays in a plane
 DOWNWARDS = frozenset("ned down depth".split())  # in names of tracks whose z points down
 PUSHES = frozenset("tip tips pusher ft wrench wrenches force forces finger gripper".split())
 ROUND = frozenset("ball sphere marble cylinder roller wheel can bottle".split())
@@ -111,22 +113,8 @@ def _most_fall_alike(runs: Sequence[SeenTrack]) -> bool:
 
 def _falls_along_a_plane(runs: Sequence[SeenTrack]) -> bool:
     """Whether what looks like a fall lies in the plane that most tracks stay in, as a push there does."""
-    axis = _plane_of_most(runs)
+    axis = plane_of_most(runs)
     return axis is not None and any(run.fall is not None and run.fall.axis != axis for run in runs)
-
-
-def _plane_of_most(runs: Sequence[SeenTrack]) -> int | None:
-    """The axis across the plane that most tracks stay in; None where they stay in none."""
-    across = [_plane_across(run) for run in runs]
-    axis = max(range(3), key=across.count)
-    return axis if across.count(axis) > 0.5 * len(runs) else None
-
-
-def _plane_across(run: SeenTrack) -> int | None:
-    """The axis of a track's three along which it hardly moves; None where there is none."""
-    widths = np.nanpercentile(run.each.position, 98, axis=0) - np.nanpercentile(run.each.position, 2, axis=0)
-    order = np.argsort(widths)
-    return int(order[0]) if len(widths) == 3 and widths[order[0]] < FLAT * widths[order[1]] else None
 
 
 def _describe_track(
@@ -144,13 +132,20 @@ def _describe_track(
     if lost:
         draft.note("sources.track.missing", f"{lost} poses are empty: not seen there, so they are left out")
     _describe_time(chosen, fall, source, draft)
+    if (
+        chosen.time is not None
+        and chosen.time.entry
+        and any(run.time and repeats_time(run.time) for run in runs)
+    ):
+        source["time"]["repeated"] = "drop"
+        draft.note("sources.track.time", "some steps do not increase; such rows are left out")
     if "angle_unit" in entry and not each.track.angle_unit:
         turned = [run.each for run in runs if run.each.track.rotation == each.track.rotation]
         entry["angle_unit"] = max((turns_unit(run) for run in turned), key=lambda unit: unit == "deg")
     if each.track.axes != "xyz":
         entry["axes"] = each.track.axes
     entry.pop("source")
-    _describe_unit(chosen, fall, _plane_of_most(runs), entry, draft)
+    _describe_unit(chosen, fall, plane_of_most(runs), entry, draft)
     _describe_turns(each, entry, draft)
     if len(each.track.axes) == 2 and not each.track.rotation:
         _add_angle(each, source, entry, draft)
@@ -187,9 +182,6 @@ def _describe_time(chosen: SeenTrack, fall: FreeFall | None, source: dict[str, A
     if time.entry:
         plain = time.entry.get("iso") or "nanoseconds" in time.entry
         source["time"] = dict(time.entry) if plain else {**time.entry, "unit": unit}
-        if (np.diff(time.values[np.isfinite(time.values)]) <= 0).any():
-            source["time"]["repeated"] = "drop"
-            draft.note(key, "some steps do not increase; such rows are left out")
 
 
 def _describe_unit(
@@ -333,7 +325,7 @@ def _guess_up(chosen: SeenTrack) -> tuple[str, int, str]:
     each = chosen.each
     words = {word for name in (*each.track.used, each.path.stem, each.part) for word in words_in(name)}
     down = -1 if words & DOWNWARDS else 1
-    if (across := _plane_across(chosen)) is not None:
+    if (across := plane_across(chosen)) is not None:
         letter = each.track.axes[across]
         return letter, down if letter == "z" else 1, f"; it stays in a plane across {letter}"
     if each.table.maker == "Motive" and not down < 0:

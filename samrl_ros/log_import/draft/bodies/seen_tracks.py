@@ -28,6 +28,7 @@ BODIES = frozenset(
 )
 JOINTS = frozenset("joint joints motor motors axis servo servos actuator".split())
 STILL = 0.02  # of the way of the track that goes farthest: what goes less stands still
+FLAT = 0.2  # of the next narrower width of a track, up to which it stays in a plane
 MOST_POSES = 3000  # of a track that are looked at
 LEAST_POSES = 8
 WIDEST_M = 8.0  # box that a track stays in, beyond which a unit is not proven by what looks like a fall
@@ -158,6 +159,20 @@ def choose_track(seen: Sequence[SeenTrack]) -> tuple[SeenTrack, str]:
     best = max(fits, key=rank)
     others = ", ".join(one.each.name for one in fits if one is not best)
     return best, f"is it {best.each.name}, and not {others}?" if others else ""
+
+
+def plane_of_most(runs: Sequence[SeenTrack]) -> int | None:
+    """The axis across the plane that most tracks stay in; None where they stay in none."""
+    across = [plane_across(run) for run in runs]
+    axis = max(range(3), key=across.count)
+    return axis if across.count(axis) > 0.5 * len(runs) else None
+
+
+def plane_across(run: SeenTrack) -> int | None:
+    """The axis of a track's three along which it hardly moves; None where there is none."""
+    widths = np.nanpercentile(run.each.position, 98, axis=0) - np.nanpercentile(run.each.position, 2, axis=0)
+    order = np.argsort(widths)
+    return int(order[0]) if len(widths) == 3 and widths[order[0]] < FLAT * widths[order[1]] else None
 
 
 def contact_seconds(run: SeenTrack, fall: FreeFall, up: np.ndarray) -> float:

@@ -39,6 +39,7 @@ from samrl_ros.log_import.draft.tracks.track_entries import (
     every_nth,
     find_time,
     length_unit,
+    repeats_time,
     source_data,
     track_numbers,
 )
@@ -109,6 +110,12 @@ def _add_runs(runs: PoseRuns, draft: Draft) -> None:
     """One recording for each run; the last is held out."""
     for source, file in zip(draft.sources.values(), runs.files, strict=False):
         source["file"] = file
+    for source, side in zip(draft.sources.values(), (runs.seen, runs.carried), strict=False):
+        used = [name for each in side for name in each.track.used]
+        repeats = any(repeats_time(found) for each in side if (found := find_time(each, used)) is not None)
+        if repeats and "repeated" not in source.get("time", {"repeated": ""}):
+            source["time"] = {**source["time"], "repeated": "drop"}
+            draft.note("recordings", "in some a stamp stands twice; such rows are left out")
     if any(not np.isfinite(track_numbers(each)).all() for each in (*runs.seen, *runs.carried)):
         for source in draft.sources.values():
             source["missing"] = "drop_row"
@@ -179,10 +186,9 @@ def add_pose_source(
         plain = found.entry.get("iso") or "nanoseconds" in found.entry
         source["time"] = found.entry if plain else {**found.entry, "unit": unit}
     time = found.seconds(unit)
-    backwards = np.diff(time[np.isfinite(time)]) <= 0
-    if "time" in source and backwards.any():
+    if "time" in source and (backwards := repeats_time(found)):
         source["time"] = {**source["time"], "repeated": "drop"}
-        draft.note(path, f"{int(backwards.sum())} steps do not increase; such rows are left out")
+        draft.note(path, f"{backwards} steps do not increase; such rows are left out")
     return time, bool(np.nanmedian(np.diff(time)) > 1.0 / SLOW_HZ)
 
 

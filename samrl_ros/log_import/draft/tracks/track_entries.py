@@ -85,6 +85,11 @@ def find_time(each: LoggedTrack, used: Sequence[str]) -> FoundTime | None:
     return None
 
 
+def repeats_time(found: FoundTime) -> int:
+    """How many steps of a time do not increase, as where a logger wrote a row twice."""
+    return int((np.diff(found.values[np.isfinite(found.values)]) <= 0).sum())
+
+
 def _runs_on(table: Table, name: str) -> bool:
     """Whether a column without a name can be a clock: it never goes back, and stands still in few steps.
 

@@ -13,8 +13,11 @@ _TORQUE_UNIT = re.compile(r"(?<![A-Za-z])([mkc]?)N[ ._*-]?(mm|cm|m)(?![A-Za-z])"
 _NUMBER = re.compile(r"\d+")
 _PRESSURE = re.compile(r"[\[(][kMm]?(?:bar|Pa|psi)[\])]$|_(?:[kM]Pa|mbar|psi)$")
 _MICRO = str.maketrans({"\N{MICRO SIGN}": "u", "\N{GREEK SMALL LETTER MU}": "u"})  # of Zeit [us]
+_FEEDBACK = re.compile(r"feed_?back", re.IGNORECASE)  # ABB's feedBack.joints
 _COMPOUND = re.compile(r"(soll|ist)([a-z]{3,})")  # German: Sollweg, Istdrehzahl
-_ELECTRIC = re.compile(r"(?:[\[(]|_)(m?[VA])(?:[\])]|$)")  # unit of a motor's input at the end of a name
+_ELECTRIC = re.compile(
+    r"(?:[\[(]|_)(m?[VA])(?:rms)?(?:[\])]|$)"
+)  # unit of a motor's input at the end of a name
 
 QUANTITIES = {
     "position": "q pos position positions qpos theta angle angles rad radian radians deg degree degrees"
@@ -30,15 +33,15 @@ QUANTITIES = {
     "temperature": "temperature temp temperatures celsius",
 }
 COMMANDED = "cmd command commanded commands target targets ref reference desired des goal goals setpoint"
-COMMANDED += " set point action wanted control d soll sol actions commands setpoints references"
+COMMANDED += " planned set point action wanted control d soll sol actions commands setpoints references"
 MEASURED = "actual act meas measured feedback state states obs observation present real process value ist"
-MEASURED += " sensor msr"
+MEASURED += " sensor msr fb"  # fb: the second half of a drive's PL.CMD and PL.FB
 COMPUTED = "error err output residual integral multi last prev previous next computed safened cos sin"
 # Of a torque: a share that somebody worked out of it, or its rate.
 SHARES = "ext external hat interact interaction gravity g coriolis friction contact disturbance dot rate ff"
 SHARES += " feedforward"
 ENABLED = frozenset("enable enabled".split())  # whether a drive gives torque: torque_enable
-TIME = "t time times timestamp timestamps stamp stamps tstamp tstamps sec secs seconds ms us ns clock zeit"
+TIME = "t tm time times timestamp timestamps stamp stamps tstamp tstamps sec secs seconds ms us ns clock zeit"
 TIME += " duration tout"
 UNIT_WORDS = {
     "rad": "rad", "radian": "rad", "radians": "rad",
@@ -148,7 +151,8 @@ def is_time(name: str) -> bool:
 
 def words_in(name: str) -> list[str]:
     """Lower-case words of a name in snake case, camel case or with dots."""
-    words = [word.lower() for word in _WORDS.findall(_TORQUE_UNIT.sub(_as_word, name.translate(_MICRO)))]
+    name = _FEEDBACK.sub("feedback", name.translate(_MICRO))
+    words = [word.lower() for word in _WORDS.findall(_TORQUE_UNIT.sub(_as_word, name))]
     return [part for word in words for part in _parts_of(word)]
 
 

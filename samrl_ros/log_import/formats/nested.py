@@ -48,6 +48,7 @@ def table_of_nested(content: Any, path: Path, part: str, where: str) -> Table:
         for k, sample in enumerate(content):
             for name, value in _leaves(sample):
                 columns.setdefault(name, [None] * len(content))[k] = value
+        columns = _apart(columns)
     elif isinstance(content, list) and content and all(isinstance(sample, list) for sample in content):
         columns = {"data": content}
     elif isinstance(content, dict):
@@ -67,6 +68,23 @@ def table_of_nested(content: Any, path: Path, part: str, where: str) -> Table:
         if array is not None:
             table.columns[name] = array
     return table
+
+
+def _apart(columns: dict[str, list[Any]]) -> dict[str, list[Any]]:
+    """Columns whose every sample is as many objects, an actuator each: a column of each, `actuators.0.q`."""
+    out: dict[str, list[Any]] = {}
+    for name, values in columns.items():
+        counts = {
+            len(v) if isinstance(v, list) and all(isinstance(e, dict) for e in v) else 0 for v in values
+        }
+        if len(counts) != 1 or counts == {0}:
+            out[name] = values
+            continue
+        for k, sample in enumerate(values):
+            for number, each in enumerate(sample):
+                for key, value in _leaves(each, f"{name}.{number}."):
+                    out.setdefault(key, [None] * len(values))[k] = value
+    return out
 
 
 def _are_episodes(content: Any) -> int:

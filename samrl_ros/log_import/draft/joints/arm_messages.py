@@ -12,7 +12,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from samrl_ros.log_import.draft.column_names import NameMeaning, words_in
+from samrl_ros.log_import.draft.column_names import SLOT, NameMeaning, words_in
 
 _POSITION, _VELOCITY, _EFFORT = (
     NameMeaning(quantity, measured=True) for quantity in ("position", "velocity", "effort")
@@ -28,6 +28,7 @@ _OF_UR = (
 # ros2's ur_robot_driver, hardware_interface.cpp: the effort of a joint is RTDE's `actual_current`.
 CURRENTS_OF_UR = "ur_robot_driver publishes the motors' currents [A] as efforts"
 # Motors of a leg in unitree_legged_sdk and unitree_ros2: FR_0 = 0, FR_1 = 1, FR_2 = 2, FL_0 = 3, ...
+_FIELDS_OF_UNITREE = frozenset("mode q dq ddq tau temperature".split())  # of MotorState
 _OF_UNITREE = tuple(
     f"{leg}_{joint}_joint" for leg in ("FR", "FL", "RR", "RL") for joint in ("hip", "thigh", "calf")
 )
@@ -118,7 +119,8 @@ def universal_robots(joints: Sequence[str]) -> tuple[str, ...]:
 
 def is_unitree(stem: str) -> bool:
     """Whether a column is a field of a motor in Unitree's `LowState`: rad, rad/s and N m by its guide."""
-    return words_in(stem)[:2] == ["motor", "state"]
+    words = [word for word in words_in(stem) if word != SLOT and not word.isdecimal()]
+    return words[:2] == ["motor", "state"] and words[2:3] != [] and words[2] in _FIELDS_OF_UNITREE
 
 
 def unitree_motors(stem: str, labels: Sequence[str], joints: Sequence[str]) -> dict[str, str]:

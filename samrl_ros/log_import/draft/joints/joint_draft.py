@@ -259,6 +259,7 @@ def _meaning(part: LogPart, block: LogBlock, several: bool) -> NameMeaning:
 
 
 def _measured_position(found: list[NamedBlock], joints: Sequence[str], draft: Draft) -> NamedBlock:
+    found = [c for c in found if np.ptp(c.block.values, axis=0).any()] or found  # no switch is a position
     wanted = [
         c
         for c in found

@@ -40,7 +40,7 @@ def files_in(path: Path) -> list[Path]:
         return [path]
     if inside := _logs_in(path):
         return inside
-    below = [_logs_in(folder) for folder in sorted(path.iterdir()) if is_folder(folder)]
+    below = [_of_a_run(folder) for folder in sorted(path.iterdir()) if is_folder(folder)]
     each = [files[0] for files in below if len(files) == 1]
     if len(each) > 1 and len({file.name for file in each}) == 1:
         return each
@@ -49,6 +49,14 @@ def files_in(path: Path) -> list[Path]:
     raise InputError(
         f"{path} holds no log: no bag, no LeRobot dataset, no {', '.join(SUFFIXES)}{there}{remedy_of(inside)}"
     )
+
+
+def _of_a_run(folder: Path) -> list[Path]:
+    """A run's logs: in its folder or in the only one there; what describes them in JSON is none."""
+    files, inside = _logs_in(folder), [path for path in folder.iterdir() if is_folder(path)]
+    if not files and len(inside) == 1:
+        files = _logs_in(inside[0])
+    return [file for file in files if file.suffix.lower() != ".json"] or files
 
 
 def _logs_in(folder: Path) -> list[Path]:
@@ -74,10 +82,15 @@ def runs_alike(parts: Sequence[LogPart]) -> list[RunFile]:
         return []
     if len({path.parent for path in paths}) == 1:
         return [RunFile(path, path.stem, f"{{name}}{path.suffix}") for path in paths]
-    together = len({path.name for path in paths}) == len({path.parent.parent for path in paths}) == 1
-    if together and len({path.parent for path in paths}) == len(paths):
-        return [RunFile(path, path.parent.name, f"{{name}}/{path.name}") for path in paths]
-    return []
+    if len({len(path.parts) for path in paths}) > 1:
+        return []
+    apart = [
+        k for k, names in enumerate(zip(*(path.parts for path in paths), strict=True)) if len(set(names)) > 1
+    ]
+    if len(apart) != 1 or len({path.parts[apart[0]] for path in paths}) < len(paths):
+        return []
+    below = "/".join(paths[0].parts[apart[0] + 1 :])
+    return [RunFile(path, path.parts[apart[0]], f"{{name}}/{below}") for path in paths]
 
 
 def recordings_of(runs: Sequence[RunFile], draft: Draft) -> list[dict[str, Any]]:

@@ -12,7 +12,12 @@ from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.joints.named_sources import NamedBlock, name_of, quantity_of
 from samrl_ros.log_import.formulas import integral
 
-_POSITIONS = {"rad/s": ("rad", 1.0), "deg/s": ("deg", 1.0), "rpm": ("rev", 60.0)}  # unit, speeds in one
+_POSITIONS = {
+    "rad/s": ("rad", 1.0),
+    "deg/s": ("deg", 1.0),
+    "rpm": ("rev", 60.0),
+    "mm/s": ("mm", 1.0),
+}  # unit, speeds in one
 _FAST = 100.0  # [rad/s] a speed beyond which is rather in rpm
 
 
@@ -68,7 +73,9 @@ def _integrals(formulas: Sequence[str], unit: str, count: float) -> dict[str, ob
 def _unit_of(speed: NamedBlock, draft: Draft) -> str:
     """Unit of a speed, by its name; asked for where the name does not say it."""
     key, words = "channels.states.position", words_in(speed.block.stem)
-    said = "rpm" if "rpm" in words else next((f"{unit}/s" for unit in ("rad", "deg") if unit in words), "")
+    said = (
+        "rpm" if "rpm" in words else next((f"{unit}/s" for unit in ("rad", "deg", "mm") if unit in words), "")
+    )
     largest = float(np.abs(speed.block.values).max())
     unit = said or ("rpm" if largest > _FAST else "rad/s")
     question = "" if said else f"is {name_of(speed)} in {unit}, and not rad/s, deg/s or rpm?"

@@ -1,97 +1,234 @@
-"""Logs as labs publish them: ABB's EGM, Kinova's feedback, a drive's scope, runs in two folders each."""
+"""Drafts of logs as popular packages publish them: what is taken, what is asked, what is left."""
 
 from __future__ import annotations
 
-import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
+from samrl_core.cell.types.arm_recording import ArmRecording
+from samrl_core.common.errors import InputError
+from samrl_ros.cli.diagnosis.load import load
+from samrl_ros.cli.diagnosis.options import DiagnoseOptions
 from samrl_ros.log_import.draft.any_draft import draft_any
-from samrl_ros.log_import.draft.column_names import is_time, meaning
-from samrl_ros.log_import.draft.guess import Draft
-from samrl_ros.log_import.draft.joints.arm_messages import is_unitree
-from samrl_ros.log_import.tables import read_table
-
-TIME = np.arange(0.0, 4.0, 0.01)
-ANGLES = np.column_stack([np.sin(TIME), np.cos(1.3 * TIME)])
-
-
-def table(path: Path, names: list[str], columns: list[np.ndarray], above: str = "") -> Path:
-    rows = [",".join(f"{x:.5f}" for x in row) for row in np.column_stack(columns)]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(above + "\n".join([",".join(names), *rows]) + "\n")
-    return path
-
-
-def positions(draft: Draft) -> list[str]:
-    columns = draft.sources["states"]["columns"]
-    return [columns[name] for name in draft.channels["states"]["position"]["formula"]]
-
-
-def test_a_switch_that_never_changes_is_no_position(tmp_path: Path) -> None:
-    names = ["seqno", "tm", "feedBack.joints.1", "feedBack.joints.2", "planned.joints.1", "planned.joints.2"]
-    degrees = 40.0 * ANGLES
-    columns = [np.arange(len(TIME)), 1e3 * TIME, *degrees.T, *np.roll(degrees, 2, axis=0).T]
-    still = np.full(len(TIME), 2.0)
-    path = table(tmp_path / "egm.csv", [*names, "motorState", "mciState"], [*columns, still, still])
-    draft = draft_any([path], None, None)
-    assert positions(draft) == ["feedBack.joints.1", "feedBack.joints.2"]
-    assert list(draft.channels["command"]["position"]["formula"]) == ["planned_joints_1", "planned_joints_2"]
-    assert draft.sources["states"]["time"] == {"column": "tm", "unit": "ms"}
+from samrl_ros.log_import.draft.column_names import meaning
+from samrl_ros.log_import.draft.guess import Draft, Effort
+from samrl_ros.log_import.draft.writing import as_yaml
+from samrl_ros.log_import.importer import import_recording
+from samrl_ros.log_import.mapping import parse_mapping
+from tests.recordings.logs.made_logs import JOINTS, MOTION, urdf_of
+from tests.recordings.logs.published_logs import (
+    PANDA,
+    UR,
+    droid,
+    franka_ros2,
+    isaac_lab,
+    libfranka_log,
+    libfranka_new_log,
+    matlab_rows,
+    mj_data,
+    pandas_feather,
+    pandas_parquet,
+    plotjuggler,
+    plotjuggler_of_two_topics,
+    robomimic,
+    rtde_csv,
+    simulink,
+    ur_robot_driver,
+)
 
 
-@pytest.mark.parametrize("stem", ["motor_state[{}].q", "motor_state.{}.dq", "motorState_{}_tau_est"])
-def test_a_field_of_a_motor_is_unitrees_and_a_motors_state_is_not(stem: str) -> None:
-    assert is_unitree(stem)
-    assert not is_unitree("motorState") and not is_unitree("motor_state_machine")
+def taken(draft: Draft, channel: str, quantity: str) -> str:
+    """The first column of a quantity."""
+    entry = draft.channels[channel][quantity]
+    formula = entry["formula"][0].split("[")[0]
+    return draft.sources[entry.get("source", draft.channels[channel]["source"])]["columns"][formula]
 
 
-def test_a_sample_may_hold_as_many_objects_each_time(tmp_path: Path) -> None:
-    samples = [
-        {"t": t, "actuators": [{"position": a, "torque": 2.0 * a}, {"position": b, "torque": -b}]}
-        for t, (a, b) in zip(TIME.tolist(), ANGLES.tolist(), strict=True)
+def imported(draft: Draft, folder: Path) -> ArmRecording:
+    """The first recording, with every question answered as drafted."""
+    content = yaml.safe_load(as_yaml(draft))
+    content.pop("questions", None)
+    mapping = parse_mapping(yaml.safe_dump(content), folder / "mapping.yaml")
+    return import_recording(mapping.recordings[0], mapping, folder).recording
+
+
+def test_droid_takes_the_robots_clock_and_what_was_measured(tmp_path: Path) -> None:
+    draft = draft_any([droid(tmp_path)], None, None)
+    assert draft.sources["states"]["time"] == {
+        "column": "observation.timestamp.robot_state.read_start",
+        "unit": "ms",
+    }
+    state = "observation.robot_state"
+    assert taken(draft, "states", "position") == f"{state}.joint_positions"
+    assert taken(draft, "states", "velocity") == f"{state}.joint_velocities"
+    assert taken(draft, "command", "position") == "action.joint_position"
+    assert taken(draft, "commanded_effort", "effort") == f"{state}.motor_torques_measured"
+    assert any("motor_torques_measured?" in question for question in draft.questions)
+
+
+def test_the_last_part_of_a_path_says_whose_a_number_is() -> None:
+    assert meaning("action.robot_state.joint_positions").measured
+    assert not meaning("action.robot_state.joint_positions").commanded
+    assert meaning("/controller_state/reference/positions").commanded
+    assert meaning("action.joint_position").commanded
+
+
+def test_robomimics_rate_is_told_by_its_velocities(tmp_path: Path) -> None:
+    draft = draft_any([robomimic(tmp_path)], urdf_of(JOINTS), "arm.urdf", Effort.none)
+    assert draft.sources["states"]["time"] == {"rate_hz": 20.0}
+    assert [q for q in draft.questions if "rate" in q] == ["sources.states.time: is the rate 20 Hz?"]
+    assert taken(draft, "states", "position") == "obs.robot0_joint_pos"
+    assert taken(draft, "states", "velocity") == "obs.robot0_joint_vel"
+    assert not any(question.startswith("channels.states.position: is data") for question in draft.questions)
+    assert any("hardly follows" in question for question in draft.questions)
+    roles = [(each["name"], each["role"], each["parts"]) for each in draft.recordings]
+    assert roles == [
+        ("demo_0", "fit", {"states": "data/demo_0"}),
+        ("demo_1", "fit", {"states": "data/demo_1"}),
+        ("demo_2", "held_out", {"states": "data/demo_2"}),
     ]
-    path = tmp_path / "feedback.jsonl"
-    path.write_text("\n".join(map(json.dumps, samples)))
-    read = read_table(path, "", "log").columns
-    assert read["actuators.1.torque"] == pytest.approx(-ANGLES[:, 1])
-    assert positions(draft_any([path], None, None)) == ["actuators.0.position", "actuators.1.position"]
-    del samples[5]["actuators"][1]  # what is seen now and then has no column of its own
-    path.write_text("\n".join(map(json.dumps, samples)))
-    assert set(read_table(path, "", "log").columns) == {"t"}
 
 
-def test_a_slides_loop_is_in_its_own_unit(tmp_path: Path) -> None:
-    names = ["Time (ms)", "PL.CMD (mm)", "PL.FB (mm)", "VL.FB (mm/s)", "IL.FB (Arms)"]
-    place = 50.0 * np.sin(TIME)
-    columns = [1e3 * TIME, place, np.roll(place, 1), np.gradient(np.roll(place, 1), TIME), np.cos(TIME)]
-    draft = draft_any([table(tmp_path / "scope.csv", names, columns, "Scope Export\n\n")], None, None)
-    assert positions(draft) == ["PL.FB (mm)"]
-    assert draft.channels["states"]["position"]["unit"] == "mm"
-    assert meaning("IL.FB (Arms)").quantity == "current"
+def test_isaac_labs_states_are_taken_for_what_is_relative(tmp_path: Path) -> None:
+    draft = draft_any([isaac_lab(tmp_path)], None, None, Effort.none)
+    assert taken(draft, "states", "position") == "states.articulation.robot.joint_position"
+    assert any("relative to the default pose" in line for line in draft.unused)
+    assert draft.sources["states"]["time"] == {"rate_hz": 50.0}
 
 
-def test_a_slides_speed_alone_is_no_motors(tmp_path: Path) -> None:
-    speed = 150.0 * np.cos(TIME)
-    draft = draft_any([table(tmp_path / "v.csv", ["time", "speed (mm/s)"], [TIME, speed])], None, None)
-    assert draft.channels["states"]["velocity"]["unit"] == "mm/s"
-    assert draft.channels["states"]["position"]["unit"] == "mm"
+def test_libfrankas_old_log_has_its_time_in_ms(tmp_path: Path) -> None:
+    draft = draft_any([libfranka_log(tmp_path)], urdf_of(PANDA), "panda.urdf")
+    assert draft.sources["states"]["time"] == {"column": "duration", "unit": "ms"}
+    assert taken(draft, "states", "velocity") == "dq[0]"
+    assert taken(draft, "states", "effort") == "tau_J[0]"
+    assert taken(draft, "command", "position") == "q_d[0]"
+    assert any(
+        line.startswith("log.csv: tau_J_d[{}]: commanded without the gravity") for line in draft.unused
+    )
 
 
-@pytest.mark.parametrize("each", [False, True])
-def test_runs_may_lie_two_folders_deep_beside_what_describes_them(tmp_path: Path, each: bool) -> None:
-    for name in ("a", "b"):
-        folder = tmp_path / name / "recording"
-        folder.mkdir(parents=True)
-        np.savez(folder / "measured.npz", time_s=TIME, q_rad=ANGLES)
-        (folder / "recording.json").write_text(json.dumps({"arrays": {"q_rad": {"shape": [400, 2]}}}))
-    given = [tmp_path / name / "recording" for name in ("a", "b")] if each else [tmp_path]
-    draft = draft_any(given, None, None)
-    assert [(r["name"], r["role"]) for r in draft.recordings] == [("a", "fit"), ("b", "held_out")]
-    assert draft.sources["states"]["file"] == "{name}/recording/measured.npz"
+def test_libfrankas_new_log_is_read_as_the_old_one(tmp_path: Path) -> None:
+    draft = draft_any([libfranka_new_log(tmp_path)], urdf_of(PANDA), "panda.urdf")
+    assert draft.sources["states"]["time"] == {"column": "time", "unit": "ms"}
+    assert taken(draft, "states", "position") == "state.q[0]"
+    assert taken(draft, "states", "effort") == "state.tau_J[0]"
+    assert taken(draft, "command", "position") == "state.q_d[0]"
 
 
-def test_words_of_these_logs() -> None:
-    assert is_time("tm") and meaning("feedBack.joints.1").measured and meaning("planned.joints.1").commanded
+def test_the_broadcaster_of_franka_is_faster_than_joint_states(tmp_path: Path) -> None:
+    names = tuple(f"fr3_joint{k}" for k in (1, 2, 3))
+    draft = draft_any([franka_ros2(tmp_path)], urdf_of(names), "fr3.urdf")
+    place = "/franka_robot_state_broadcaster"
+    assert draft.sources["states"]["part"] == f"{place}/measured_joint_states"
+    assert draft.sources["command"]["part"] == f"{place}/desired_joint_states"
+    assert "effort" in draft.channels["states"] and "commanded_effort" not in draft.channels
+    assert not draft.questions
+
+
+@pytest.mark.parametrize(
+    ("make", "position", "effort"),
+    [
+        (plotjuggler, "/joint_states/position[0]", "/joint_states/effort[0]"),
+        (mj_data, "qpos", "actuator_force"),
+    ],
+)
+def test_what_the_log_does_not_say_is_asked(
+    make: Callable[[Path], Path], position: str, effort: str, tmp_path: Path
+) -> None:
+    draft = draft_any([make(tmp_path)], urdf_of(JOINTS), "arm.urdf")
+    assert taken(draft, "states", "position") == position
+    assert draft.channels["states"]["velocity"]["unit"] == "rad/s"
+    assert taken(draft, "commanded_effort", "effort") == effort
+    assert any(
+        question.startswith("channels.commanded_effort.effort: what is") for question in draft.questions
+    )
+    assert any(question.startswith("joints: ") for question in draft.questions)
+
+
+@pytest.mark.parametrize("make", [pandas_parquet, pandas_feather])
+def test_dates_of_pandas_are_time(make: Callable[[Path], Path], tmp_path: Path) -> None:
+    path = make(tmp_path)
+    draft = draft_any([path], urdf_of(JOINTS), str(tmp_path / "arm.urdf"), Effort.drive)
+    assert draft.sources["states"]["time"] == {"column": "timestamp", "unit": "s"}
+    (tmp_path / "arm.urdf").write_text(urdf_of(JOINTS))
+    made = imported(draft, tmp_path)
+    np.testing.assert_allclose(np.diff(made.states.time), 0.01, atol=1e-6)
+    np.testing.assert_allclose(made.states.velocity, MOTION.velocity, atol=1e-12)
+
+
+def test_simulinks_arrays_have_samples_along_the_last_axis(tmp_path: Path) -> None:
+    draft = draft_any([simulink(tmp_path)], None, None, Effort.drive)
+    assert draft.sources["states"]["time"] == {"column": "tout", "unit": "s"}
+    assert len(draft.joints) == 3
+    assert taken(draft, "commanded_effort", "effort") == "trq"
+
+
+def test_topics_in_rows_of_their_own_are_two_sources(tmp_path: Path) -> None:
+    """Their rows were dropped together, so that the import of a sure draft was refused."""
+    draft = draft_any([plotjuggler_of_two_topics(tmp_path)], urdf_of(JOINTS), None, Effort.none)
+    assert set(draft.sources) == {"states", "command"}
+    draft.urdf = urdf_of(JOINTS)
+    made = imported(draft, tmp_path)
+    assert made.command is not None
+    np.testing.assert_allclose(made.states.position, MOTION.position, atol=1e-12)
+    np.testing.assert_allclose(made.command.position, MOTION.target, atol=1e-12)
+
+
+def test_a_row_per_joint_is_turned_over(tmp_path: Path) -> None:
+    draft = draft_any([matlab_rows(tmp_path)], None, None, Effort.drive)
+    made = imported(draft, tmp_path)
+    assert made.commanded_effort is not None
+    np.testing.assert_allclose(made.states.position, MOTION.position, atol=1e-12)
+    np.testing.assert_allclose(made.commanded_effort.effort, MOTION.effort, atol=1e-12)
+
+
+def test_arrays_of_another_length_are_left_out(tmp_path: Path) -> None:
+    """They ended the draft with NumPy's own words on shapes."""
+    cut = {"qvel": MOTION.velocity[:-1], "target_q": MOTION.target[:-1], "tau": MOTION.effort[:-1]}
+    np.savez(tmp_path / "a.npz", time=MOTION.time, qpos=MOTION.position, **cut)
+    draft = draft_any([tmp_path / "a.npz"], urdf_of(JOINTS), "arm.urdf", Effort.drive)
+    assert "command" not in draft.channels and "commanded_effort" not in draft.channels
+    assert {"a.npz: qvel", "a.npz: target_q", "a.npz: tau"} <= set(draft.unused)
+
+
+def test_rtde_counts_the_joints_of_universal_robots(tmp_path: Path) -> None:
+    path = rtde_csv(tmp_path)
+    draft = draft_any([path], urdf_of(UR), "ur5e.urdf")
+    assert draft.joints == list(UR) and not draft.questions
+    assert taken(draft, "states", "position") == "actual_q_0"
+    other = draft_any([path], urdf_of(tuple(f"a{k}" for k in range(6))), "other.urdf")
+    assert any(question.startswith("joints: ") for question in other.questions)
+
+
+@pytest.mark.parametrize("effort", [Effort.ask, Effort.drive])
+def test_currents_of_ur_robot_driver_are_no_torques_unasked(effort: Effort, tmp_path: Path) -> None:
+    (question,) = draft_any([ur_robot_driver(tmp_path)], urdf_of(UR), "ur5e.urdf", effort).questions
+    assert question.startswith("channels.commanded_effort.effort: ") and "currents [A]" in question
+
+
+def test_every_episode_of_a_dataset_is_diagnosed(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "set.hdf5", "w") as file:
+        for k in range(3):
+            group = file.create_group(f"data/demo_{k}")
+            group["time_s"], group["q_rad"] = MOTION.time, np.roll(MOTION.position, 90 * k, axis=0)
+            group["q_target_rad"] = np.roll(MOTION.target, 90 * k, axis=0)
+    fit, held_out, _ = load(DiagnoseOptions((tmp_path / "set.hdf5",), effort=Effort.none))
+    assert [each.name for each in (*fit, *held_out)] == ["set_demo_0", "set_demo_1", "set_demo_2"]
+    assert len(held_out) == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "remedy"),
+    [("log.pkl", "read_pickle"), ("log.xlsx", "save the sheet as CSV"), ("log.csv.gz", "gunzip")],
+)
+def test_what_is_no_log_names_the_remedy(name: str, remedy: str, tmp_path: Path) -> None:
+    (tmp_path / "day").mkdir()
+    (tmp_path / "day" / name).write_bytes(b"\x1f\x8b\0\0")
+    for given in (tmp_path / "day", tmp_path / "day" / name):
+        with pytest.raises(InputError, match=remedy):
+            draft_any([given], None, None)

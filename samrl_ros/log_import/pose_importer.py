@@ -90,7 +90,7 @@ def import_poses(
     for source in map(spec.source_of, spec.readers().values()):
         if source not in cache:
             cache[source] = read_source(spec, source, constants, data, notes, spec.poses.at_rest)
-    seen = _track(spec, "target_in_camera", spec.poses.target_in_camera, cache)
+    seen = read_track(spec, "target_in_camera", spec.poses.target_in_camera, cache)
     zero = float(seen.time[0])
     arms: dict[str, ArmPoses | None] = {}
     for role in ("camera_arm", "tool_arm"):
@@ -137,7 +137,20 @@ def _tolerances(spec: PoseRecordingSpec) -> PoseTolerances:
         raise InputError(f"{spec.path}.tolerances: {error}") from error
 
 
-def _track(spec: PoseRecordingSpec, key: str, track: TrackSpec, cache: dict[str, SourceData]) -> PoseTrack:
+def read_track(
+    spec: PoseRecordingSpec, key: str, track: TrackSpec, cache: Mapping[str, SourceData]
+) -> PoseTrack:
+    """A pose over time, in m, at its source's own time.
+
+    Args:
+        spec: of the recording.
+        key: of the pose, for messages.
+        track: what its columns mean.
+        cache: sources that were read.
+
+    Raises:
+        InputError: numbers that are no pose.
+    """
     source, where = cache[spec.source_of(track)], f"{spec.path}.poses.{key}"
     count, given = len(source.time), track.quantities
     values = {
@@ -194,7 +207,7 @@ def _arm(
 ) -> ArmPoses:  # fmt: skip
     flange = None
     if arm.flange is not None:
-        track = _track(spec, f"{role}.flange", arm.flange, cache)
+        track = read_track(spec, f"{role}.flange", arm.flange, cache)
         flange = PoseTrack(track.time - zero, track.position, track.quat_xyzw)
     joints: JointsSpec | None = arm.joints
     if joints is None or arm.urdf is None:

@@ -18,6 +18,7 @@ from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.residuals.poses.seen_size import SeenSize, best_size
 from samrl_ros.log_import.draft.column_names import BASES, CAMERAS, CARRIED, SEEN, words_in
 from samrl_ros.log_import.draft.guess import Draft
+from samrl_ros.log_import.draft.poses.aligned_source import align_flange
 from samrl_ros.log_import.draft.poses.descriptions import (
     CLEARLY,
     Description,
@@ -87,6 +88,8 @@ def draft_poses(
         "carried": add_track_entry(carried, list(keys)[-1], draft),
     }
     cache = {key: source_data([each], draft.sources[key], times[key][0]) for key, each in keys.items()}
+    if len(cache) > 1 and not at_rest:
+        cache["flange"] = align_flange(cache, entries, runs is not None, draft)
     if len(cache) > 1:  # where views stand for themselves, some tell as much as all
         cache["target"] = every_nth(cache["target"], MOST_VIEWS)
     _ask_of_units({"target_in_camera": seen, "flange": carried}, draft)

@@ -23,6 +23,10 @@ _RATIOS = {  # position's unit over that of the velocity [1/s]
 }
 _BACK, _ON = 0.1, 0.5  # of the steps: that a clock may go back, and that it goes on in most rows
 _NEAR = 0.15  # relative error of a ratio up to which it is that of the units
+_MOVING = 0.5  # of rows in which a position changes, from which a torque that does not is held
+_FEW_RUNS = 20  # values in a log, too few to say at which rate they come
+_HELD = 3  # rows from which a value is held; twice is a cycle that was missed
+_ALIKE = 0.8  # of values that are held for as many rows
 
 
 @dataclass(frozen=True)
@@ -82,6 +86,24 @@ def follows(time: np.ndarray, position: np.ndarray, other_time: np.ndarray, othe
         return 0.0
     products = (here * there).sum(axis=0)[moving]
     return float(np.median(products / np.sqrt((here**2).sum(axis=0) * (there**2).sum(axis=0))[moving]))
+
+
+def rows_held(values: np.ndarray, beside: np.ndarray) -> int:
+    """For how many rows each of some readings (N, J) is held while others (N, K) change; 1 if it is not.
+
+    A reading of a slower topic that stands in each row of a faster one is late by half of that on average. Of
+    coarse steps no two last alike, and at rest nothing changes beside them.
+    """
+    moving = np.flatnonzero((np.diff(beside, axis=0) != 0).any(axis=1))
+    if len(moving) < _MOVING * (len(beside) - 1) or len(values) != len(beside):
+        return 1
+    new = np.flatnonzero((np.diff(values, axis=0) != 0).any(axis=1))
+    if len(new) < _FEW_RUNS:
+        return 1
+    lasts = np.diff(new)
+    usual = int(np.median(lasts))
+    alike = np.mean(np.abs(lasts - usual) <= max(1, usual // 8))
+    return usual if usual >= _HELD and alike > _ALIKE else 1
 
 
 def runs_on(values: np.ndarray) -> int:

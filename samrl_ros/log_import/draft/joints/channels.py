@@ -247,6 +247,7 @@ def add_effort(
         return []
     currents = [c for c in found if c.meaning.quantity in ("current", "voltage", "pressure")]
     measured = beside(found, position, order, "effort") or _elsewhere(found, position, order)
+    measured = _without_held(measured, position, draft)
     if not measured and effort is not Effort.none:
         inputs = [c for q in ("voltage", "current") for c in beside(found, position, order, q)]
         electric = [c for c in currents if c.meaning.quantity != "pressure"]
@@ -302,6 +303,21 @@ def add_effort(
     )
     draft.channels["commanded_effort"] = {"source": source, "effort": quantity}
     return [best, *currents]
+
+
+def _without_held(measured: list[NamedBlock], position: NamedBlock, draft: Draft) -> list[NamedBlock]:
+    """Without torques of a slower topic that stand in each row of a faster one: late, and in steps."""
+    held = {
+        name_of(each): rows
+        for each in measured
+        if shares_rows(each, position)
+        and (rows := evidence.rows_held(each.block.values, position.block.values)) > 1
+    }
+    draft.unused += [
+        f"{name}: each value is held for {rows} rows: import it from the file or topic that it comes from"
+        for name, rows in held.items()
+    ]
+    return [each for each in measured if name_of(each) not in held]
 
 
 def _torque_unit(best: NamedBlock) -> tuple[str, bool]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from samrl_core.cell.types.drive_law import DriveLaw
 from samrl_core.cell.types.stated_tolerances import StatedTolerances
+from samrl_core.common.errors import InputError
 
 HELD, LINE = "held", "line"  # a command between two stamps: until the next one, or straight
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)  # in the arm's base frame [m/s2]
@@ -33,6 +34,19 @@ class Tolerances(StatedTolerances):
     armature: float = 0.02  # fraction of the nominal value
     stamp: float = 0.0002  # of a channel against another, constant in a recording [s]
     motor_constant: float | tuple[float, ...] = 0.01  # of a motor: torque per volt or ampere, a fraction
+
+    def check_joints(self, joints: Sequence[str], where: str) -> None:
+        """Whether values per joint are as many as an arm has joints.
+
+        Raises:
+            InputError: more or fewer of them; the message begins with `where`.
+        """
+        for name, value in vars(self).items():
+            if isinstance(value, tuple) and len(value) != len(joints):
+                raise InputError(
+                    f"{where}: tolerance {name} has {len(value)} numbers for {len(joints)} joints"
+                    f" ({', '.join(joints)}); give one for all of them, or one for each"
+                )
 
     def scaled(self, factor: float) -> Tolerances:
         """Every value times a factor."""

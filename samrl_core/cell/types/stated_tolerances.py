@@ -56,12 +56,19 @@ class StatedTolerances:
                 if name == "stated_as":
                     read[name] = str(value)
                 elif "tuple" in known[name] and isinstance(value, list):
-                    read[name] = tuple(map(float, value))
+                    read[name] = tuple(map(_number, value))
                 else:
-                    read[name] = float(value)
+                    read[name] = _number(value)
             except (TypeError, ValueError, OverflowError) as error:
                 wanted = "a number or one for each joint" if "tuple" in known[name] else "a number"
                 raise InputError(
                     f"tolerances must be numbers: {name} is {value!r}, must be {wanted}"
                 ) from error
         return cls(**read)
+
+
+def _number(value: Any) -> float:
+    """What was written as a number; YAML's yes and no are none, though Python counts with them."""
+    if isinstance(value, bool):
+        raise TypeError(f"{value} is no number")
+    return float(value)

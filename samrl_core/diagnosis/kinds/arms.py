@@ -210,10 +210,12 @@ def arm_trials(
     """Trials of one session: their clocks follow one another.
 
     Raises:
-        InputError: recordings that allow other channels than the fitted ones have in common.
+        InputError: recordings that allow other channels than the fitted ones have in common, or tolerances
+            per joint that are not as many as joints.
     """
     start, out = 0.0, []
     for recording in [*fit, *held_out]:
+        recording.arm.tolerances.check_joints(recording.arm.joints, recording.name)
         rigid = RigidArm(recording.arm) if recording.arm.urdf is not None else None
         out.append(Trial(recording, rigid, start))
         start += recording.duration

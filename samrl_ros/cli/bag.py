@@ -101,6 +101,7 @@ def draft_command(
     from samrl_core.diagnosis.nominal_model.read_model import read_model
     from samrl_ros.log_import.devices import data_folder
     from samrl_ros.log_import.draft.any_draft import draft_any
+    from samrl_ros.log_import.draft.places import name_by_path
     from samrl_ros.log_import.draft.writing import as_yaml
     from samrl_ros.recordings.described import xacro_values
 
@@ -110,6 +111,8 @@ def draft_command(
     text = read_model(urdf, given).urdf if urdf is not None else None
     drafted = draft_any(logs, text, None if urdf is None else str(urdf.resolve()), effort)
     drafted.xacro_args = dict(given)
+    folder = data_folder(drafted, logs[0])
+    name_by_path(drafted, logs, folder)
     if out is not None:
         write_whole(out, as_yaml(drafted))
     if out is None:
@@ -121,7 +124,6 @@ def draft_command(
         typer.echo(f"  {question}")
     for each in drafted.would_tell:
         typer.echo(f"  left out: {each}")
-    folder = data_folder(drafted, logs[0])
     data = "" if folder.resolve() == out.parent.resolve() else f" --data {folder}"
     typer.echo(f"then: samrl diagnose --mapping {out}{data} --out report")
 

@@ -14,6 +14,7 @@ from samrl_ros.log_import.body_importer import bodies_of
 from samrl_ros.log_import.draft.any_draft import draft_free_devices
 from samrl_ros.log_import.draft.bag_set import bags_in
 from samrl_ros.log_import.draft.guess import Draft
+from samrl_ros.log_import.draft.places import name_by_path
 from samrl_ros.log_import.draft.readings.clock_draft import STAMPED
 from samrl_ros.log_import.draft.tracks.logged_tracks import POSES, read_logged_tables
 from samrl_ros.log_import.draft.tracks.transform_chains import find_bag_chains
@@ -105,7 +106,9 @@ def _imported(paths: Sequence[Path]) -> tuple[str, list[Any], list[str]] | None:
     if draft is None:
         return None
     refuse_questions(draft, paths)
-    made = _READERS[draft.kind](as_yaml(draft), Path("the drafted mapping"), data_folder(draft, paths[0]))
+    folder = data_folder(draft, paths[0])
+    name_by_path(draft, paths, folder)
+    made = _READERS[draft.kind](as_yaml(draft), Path("the drafted mapping"), folder)
     notes = [f"{guess.key}: {guess.reason}" for guess in draft.guesses]
     # Lost frames of all recordings are counted in one note of the draft.
     more = dict.fromkeys(n for each in made for n in each.notes if not n.endswith("missing cells, drop_row"))

@@ -142,9 +142,9 @@ class LoggedTrack:
         return f"{name_of_file(self.path)}: {self.run and f'{self.run}/'}{self.part or self.track.names}"
 
     @property
-    def place(self) -> tuple[str, str]:
+    def place(self) -> tuple[Path, str]:
         """File and part: tracks of one place share a source."""
-        return name_of_file(self.path), self.run or self.part
+        return self.path, self.run or self.part
 
     @property
     def motion(self) -> tuple[Path, str]:

@@ -24,6 +24,7 @@ SUFFIX = ".poses.npz"
 VERSION = 1
 _SAME = 0.05  # share of poses that may be alike by chance
 _TRACK = ("time", "position", "quat_xyzw")
+_ROLES = ("camera_arm", "tool_arm")
 _TRANSFORMS = ("camera_in_flange", "base_in_base", "target_in_flange")
 
 
@@ -43,7 +44,7 @@ def write_pose_file(recording: PoseRecording, path: Path) -> None:
     for key in _TRANSFORMS:
         pose: Pose | None = getattr(recording, key)
         about[key] = None if pose is None else [*pose.position.tolist(), *pose.quat_xyzw.tolist()]
-    for role in ("camera_arm", "tool_arm"):
+    for role in _ROLES:
         arm: ArmPoses | None = getattr(recording, role)
         if arm is None:
             continue
@@ -62,6 +63,9 @@ def read_pose_file(path: Path) -> PoseRecording:
     """
     try:
         arrays, about = read_described(path, VERSION)
+        roles = sorted(about["arms"])
+        if not roles or not set(roles) <= set(_ROLES):
+            raise ValueError(f"its arms are {', '.join(roles) or 'none'}, must be of {', '.join(_ROLES)}")
 
         def track(prefix: str) -> PoseTrack:
             return PoseTrack(*(arrays[f"{prefix}_{key}"] for key in _TRACK))
@@ -74,10 +78,13 @@ def read_pose_file(path: Path) -> PoseRecording:
             if role not in about["arms"]:
                 return None
             told = about["arms"][role]
-            return ArmPoses(
+            read = ArmPoses(
                 role, track(role) if told["flange"] else None, tuple(told["joints"]),
                 arrays[f"{role}_joint_time"], arrays[f"{role}_joint_position"], told["urdf"],
             )  # fmt: skip
+            if not len(read.stamps):
+                raise ValueError(f"its {role} has no poses")
+            return read
 
         return PoseRecording(
             about["name"], about["source"], about["sha256"], track("seen"), arm("camera_arm"),

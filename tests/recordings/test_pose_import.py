@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,13 +12,13 @@ import yaml
 from scipy.io import savemat
 from scipy.spatial.transform import Rotation
 
-from samrl_core.cell.types.pose_recording import PoseRecording, PoseTrack
+from samrl_core.cell.types.pose_recording import ArmPoses, PoseRecording, PoseTrack
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.residuals.poses import rigid
 from samrl_ros.cli.main import run
 from samrl_ros.log_import.any_importer import import_any
 from samrl_ros.log_import.pose_importer import poses_of
-from samrl_ros.recordings.pose_file import read_pose_file
+from samrl_ros.recordings.pose_file import read_pose_file, write_pose_file
 from tests.diagnosis.poses.pose_worlds import CAMERA, SMALL, TARGET, PoseWorld, record
 
 
@@ -115,6 +116,15 @@ def test_files_hold_what_was_imported(logs: Path) -> None:
     (logs / "cut.poses.npz").write_bytes(content[: len(content) // 2])
     with pytest.raises(InputError):
         read_pose_file(logs / "cut.poses.npz")
+
+
+def test_a_file_without_a_known_arm_is_refused(logs: Path) -> None:
+    """Of a misspelt role nothing was read, and the diagnosis ended in a traceback."""
+    (made, _) = import_any(logs / "mapping.yaml", logs, logs / "bags").made
+    for arm, said in ((None, "its arms are none"), (ArmPoses("camera_arm"), "its camera_arm has no poses")):
+        write_pose_file(replace(made.recording, camera_arm=arm, tool_arm=None), logs / "none.poses.npz")
+        with pytest.raises(InputError, match=said):
+            read_pose_file(logs / "none.poses.npz")
 
 
 def test_every_kind_of_rotation_is_the_same_pose(logs: Path) -> None:

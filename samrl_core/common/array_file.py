@@ -15,6 +15,7 @@ import numpy as np
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import read_whole, write_whole
 
+ANEW = "remove it to make it anew"  # of a file that samrl made
 MAX_BYTES = 2**32  # of a file of arrays
 _MEMBER = ".npy"  # NumPy's npz is a zip of these
 # What zipfile, zlib and NumPy raise on bytes that are none of theirs.
@@ -42,12 +43,13 @@ def packed(arrays: Mapping[str, np.ndarray]) -> bytes:
     return buffer.getvalue()
 
 
-def unpacked(content: bytes, path: Path) -> dict[str, np.ndarray]:
+def unpacked(content: bytes, path: Path, remedy: str = ANEW) -> dict[str, np.ndarray]:
     """The arrays of a file's content; objects are not unpickled.
 
     Args:
         content: of the file.
         path: of the file, for the error.
+        remedy: what to do about a bad one; nobody is told to remove a file that samrl did not make.
 
     Raises:
         InputError: it is cut short, damaged, or no file of arrays.
@@ -62,7 +64,7 @@ def unpacked(content: bytes, path: Path) -> dict[str, np.ndarray]:
                 member = io.BytesIO(file.read(name))
                 found[name.removesuffix(_MEMBER)] = np.lib.format.read_array(member, allow_pickle=False)
     except UNREADABLE as error:
-        raise InputError(f"{path} cannot be read as arrays ({error}); remove it to make it anew") from error
+        raise InputError(f"{path} cannot be read as arrays ({error}); {remedy}") from error
     return found
 
 
@@ -71,23 +73,24 @@ def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
     write_whole(path, packed(arrays))
 
 
-def read_arrays(path: Path, names: Collection[str]) -> dict[str, np.ndarray]:
+def read_arrays(path: Path, names: Collection[str], remedy: str = ANEW) -> dict[str, np.ndarray]:
     """Arrays of a file that `write_arrays` wrote.
 
     Args:
         path: of the file.
         names: of the arrays that it must have, and no others.
+        remedy: as of `unpacked`.
 
     Raises:
         InputError: it cannot be read, holds other arrays, or a number that is not finite.
     """
-    found = unpacked(read_whole(path, MAX_BYTES), path)
+    found = unpacked(read_whole(path, MAX_BYTES), path, remedy)
     if set(found) != set(names):
         raise InputError(
             f"{path} holds the arrays {', '.join(sorted(found)) or 'none'}, must hold "
-            f"{', '.join(sorted(names))}; remove it to make it anew"
+            f"{', '.join(sorted(names))}; {remedy}"
         )
     for name, array in found.items():
         if array.dtype.kind == "f" and not np.isfinite(array).all():
-            raise InputError(f"{path}: {name} is not finite; remove the file to make it anew")
+            raise InputError(f"{path}: {name} is not finite; {remedy}")
     return found

@@ -10,6 +10,7 @@ import pytest
 import trimesh
 
 from samrl_core.common.errors import InputError
+from samrl_core.studies.model.identify_pushes import read_push
 from samrl_core.studies.model.scan_views import read_views, write_views
 from samrl_ros.cli.main import run
 from samrl_ros.contract.exit_codes import INPUT_REFUSED, OK
@@ -43,6 +44,14 @@ def test_a_ball_is_scanned(view_file: Path, tmp_path: Path, capsys: pytest.Captu
     assert len(mesh.faces) == record["faces"] and mesh.volume == pytest.approx(record["volume_m3"], rel=1e-4)
     assert (tmp_path / "new" / "scan.png").stat().st_size > 5000
     assert "faces" in capsys.readouterr().out
+
+
+def test_nobody_is_told_to_remove_views_of_their_own(tmp_path: Path) -> None:
+    (tmp_path / "views.npz").write_bytes(b"no archive")
+    with pytest.raises(InputError, match="cannot be read as arrays.*give an .npz file of views"):
+        read_views(tmp_path / "views.npz")
+    with pytest.raises(InputError, match="cannot be read as arrays.*give an .npz file of one push"):
+        read_push(tmp_path / "views.npz")
 
 
 def test_files_that_hold_no_views_are_refused(view_file: Path, tmp_path: Path) -> None:

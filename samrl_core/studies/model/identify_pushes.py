@@ -34,7 +34,9 @@ def read_push(path: Path) -> PushRecord:
     Raises:
         InputError: the file cannot be read, or its arrays are not those of a `PushRecord`.
     """
-    arrays: dict[str, Any] = read_arrays(path, [f.name for f in fields(PushRecord)])
+    arrays: dict[str, Any] = read_arrays(
+        path, [f.name for f in fields(PushRecord)], "give an .npz file of one push"
+    )
     for name, kind in SCALARS.items():
         if arrays[name].shape or arrays[name].dtype.kind not in "iuf":
             raise InputError(f"{path}: {name} has shape {arrays[name].shape}, must be one number")

@@ -54,7 +54,7 @@ def read_views(path: Path) -> list[MaskedView]:
     Raises:
         InputError: the file cannot be read, an array is missing or has another shape, or a view is refused.
     """
-    arrays = unpacked(read_whole(path, MAX_BYTES), path)
+    arrays = unpacked(read_whole(path, MAX_BYTES), path, "give an .npz file of views")
     if set(arrays) != set(ARRAYS):
         wanted = "; ".join(f"{name} {text}" for name, text in ARRAYS.items())
         raise InputError(f"{path} holds the arrays {', '.join(sorted(arrays)) or 'none'}, must hold {wanted}")

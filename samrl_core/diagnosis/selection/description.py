@@ -87,8 +87,8 @@ class Misdescription:
     order: tuple[int, ...]  # column of the log that belongs to each joint
     factor: float  # from the logged torque to N m
     says: str
-    before: float  # share of the torque's variance that is left, on fitted recordings
-    after: float
+    before: float  # share of the torque's variance that is left, on fitted recordings; beside friction where
+    after: float  # that hides a joint's own
     joint: int = -1  # whose torque has the factor; all
     turned: bool = False  # and whose motion is counted the other way round
     unsure: tuple[float, float] = (0.0, 0.0)  # of the factor, relative; none of a unit's
@@ -194,7 +194,8 @@ def _at_one_joint(trials: Sequence[Trial], whole: np.ndarray) -> list[tuple[floa
     What they change at other joints counts too.
 
     Its torques in another unit or with the other sign, its motion counted the other way round, or, where no
-    unit is near, torques of the other side of a gear.
+    unit is near, torques of the other side of a gear. Where friction is most of a joint's torque, its share
+    hides the rest: such a joint is compared beside its friction.
 
     Args:
         trials: fitted recordings.
@@ -202,10 +203,13 @@ def _at_one_joint(trials: Sequence[Trial], whole: np.ndarray) -> list[tuple[floa
     """
     out: list[tuple[float, Misdescription]] = []
     same, once = tuple(range(len(whole))), np.ones(len(whole))
-    for j in np.flatnonzero(whole > ONE_JOINT).tolist():
+    beside = left_at_joints(trials, same, once, once, beside_friction=True)
+    for j in np.flatnonzero(beside > ONE_JOINT).tolist():
         if not all(_has_torque(trial, j) for trial in trials):
             continue
         name, mine = trials[0].recording.arm.joints[j], np.arange(len(whole)) == j
+        hidden = bool(whole[j] <= ONE_JOINT)
+        stands = beside if hidden else whole
         tried = [(f, False, f"the torques of {name} are in {unit}") for unit, f in UNITS.items()]
         if len(whole) == 1:  # that is asked of all joints
             tried = []
@@ -224,10 +228,10 @@ def _at_one_joint(trials: Sequence[Trial], whole: np.ndarray) -> list[tuple[floa
             tried.append((geared, False, f"the torques of {name} are before a gear of {geared:.3g}"))
         for factor, turned, says in tried:
             turns = np.where(mine, -1.0, 1.0) if turned else once
-            shares = left_at_joints(trials, same, np.where(mine, factor, 1.0), turns)
-            left = max(0.0, float(np.sum(shares) - np.sum(whole[~mine])))
+            shares = left_at_joints(trials, same, np.where(mine, factor, 1.0), turns, beside_friction=hidden)
+            left = max(0.0, float(np.sum(shares) - np.sum(stands[~mine])))
             unsure = (-OF_MODEL, OF_MODEL) if factor == geared else (0.0, 0.0)
-            made = Misdescription("unit_error", same, factor, says, float(whole[j]), 0.0, j, turned, unsure)
+            made = Misdescription("unit_error", same, factor, says, float(stands[j]), 0.0, j, turned, unsure)
             out.append((left, made))
     return out
 
@@ -280,7 +284,11 @@ def _left(trials: Sequence[Trial], order: Sequence[int], factor: float) -> float
 
 
 def left_at_joints(
-    trials: Sequence[Trial], order: Sequence[int], factors: np.ndarray, turns: np.ndarray
+    trials: Sequence[Trial],
+    order: Sequence[int],
+    factors: np.ndarray,
+    turns: np.ndarray,
+    beside_friction: bool = False,
 ) -> np.ndarray:
     """The same of each joint (J,), mean over recordings.
 
@@ -289,6 +297,7 @@ def left_at_joints(
         order: column of the log that belongs to each joint.
         factors: (J,) of the torques.
         turns: (J,) 1, or -1 of joints that turn the other way.
+        beside_friction: shares of the torque that no offset and friction explain, and not of all of it.
     """
     shares = np.zeros((len(trials), len(order)))
     for t, trial in enumerate(trials):
@@ -296,10 +305,11 @@ def left_at_joints(
         logged = factors * logged
         for j in range(trial.joints):
             basis = _friction_basis(dq[:, j])
-            rest = logged[:, j] - model[:, j]
-            rest = rest - basis @ np.linalg.lstsq(basis, rest, rcond=None)[0]
+            both = np.stack([logged[:, j], model[:, j]], axis=1)
+            free = both - basis @ np.linalg.lstsq(basis, both, rcond=None)[0]
+            rest = free[:, 0] - free[:, 1]
             # In units of the larger of both: a tiny torque leaves no more than all of the model's.
-            whole = max(float(np.var(logged[:, j])), float(np.var(model[:, j])), 1e-12)
+            whole = max(1e-12, *np.var(free if beside_friction else both, axis=0))
             shares[t, j] = min(1.0, float(np.mean(rest**2)) / whole)
     return np.mean(shares, axis=0)
 

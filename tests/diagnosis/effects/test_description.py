@@ -73,6 +73,16 @@ def test_one_joint_with_a_unit_sign_or_gear_of_its_own(
     )
 
 
+def test_a_sign_is_found_beneath_friction() -> None:
+    """Most of the joint's torque is friction, which has either sign: the share of all of it was small."""
+    undo = Misdescription("unit_error", (0, 1, 2), -1.0, "", 0.0, 0.0, 2)
+    stiff = recordings(viscous=np.array([0.0, 0.0, 4.0]))
+    found = misdescription(worlds.trials([undo.corrected(r) for r in stiff]))
+    assert found is not None and (found.joint, found.factor, found.turned) == (2, -1.0, False)
+    assert found.says == "the torques of bend have the other sign"
+    assert misdescription(worlds.trials(stiff)) is None
+
+
 def test_a_drive_that_gives_half_of_its_torque_is_no_unit() -> None:
     """Nor is a machine with nothing wrong."""
     weak = Misdescription("unit_error", (0, 1, 2), 2.0, "", 0.0, 0.0, 1)

@@ -155,6 +155,7 @@ CASES: tuple[Case, ...] = (
     ),
     Case("reflected_inertia", "joint:lift", "", {"rotor_inertia": {LIFT: 0.15}}, {}, (0.15,), {"Ja": 0.15}),
     Case("actuator_gain", "joint:lift", "", {"actuator_gain": {LIFT: 0.1}}, {}, (0.1,), {"e": 0.1}),
+    Case("torque_offset", "joint:lift", "", {"torque_offset": {LIFT: 0.8}}, {}, (0.8,), {"b": 0.8}),
     Case(
         "torque_saturation", "joint:lift", "drive", {"effort_limit": {LIFT: 10.5}}, {"L": 10.5}, (1.0,),
         {"L": 10.5}, "B",

@@ -41,6 +41,7 @@ _CATALOGUE = (
     "load.base_tilt",
     "load.mount_compliance",
     "load.cable",
+    "drive.torque_offset",
 )
 _OUTSIDE = (
     "outside.quadratic_drag",

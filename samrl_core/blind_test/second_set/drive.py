@@ -74,6 +74,16 @@ def _gain(site: Site, form: str, severity: float) -> Injection:
     )
 
 
+def _offset(site: Site, form: str, severity: float) -> Injection:
+    """A current sensor's zero: there is one formula."""
+    offset = np.zeros(len(site.armature))
+    offset[site.joint] = either_sign(site) * quantile(severity, 0.4, 2.0) * site.size
+    return Injection(
+        {"b": Quantity(float(offset[site.joint]), "N m")},
+        lambda hooks, rng: hooks.drive.append(lambda t, effort: effort + offset),
+    )
+
+
 def _saturation(site: Site, form: str, severity: float) -> Injection:
     """A magnetic circuit that saturates: u / (1 + |u / L|^8)^(1/8)."""
     peak, still = float(site.peak_torque[site.joint]), float(site.gravity_torque[site.joint])
@@ -209,4 +219,5 @@ FAMILIES = (
     Disturbance("command_delay", "joint", _delay, "either", also_arm=True),
     Disturbance("packet_jitter", "arm", _jitter, "drive"),
     Disturbance("controller_gain", "joint", _controller_gain, "controller", onset=True),
+    Disturbance("torque_offset", "joint", _offset, "drive", onset=True),
 )

@@ -15,6 +15,7 @@ USUAL_FORMULA = frozenset(
     {
         "reflected_inertia",
         "actuator_gain",
+        "torque_offset",
         "command_delay",
         "controller_gain",
         "encoder_offset",

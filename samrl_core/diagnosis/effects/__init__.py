@@ -44,6 +44,7 @@ _FILES = (
     "load.cable",
     "description.model_scale",
     "drive.dead_band",
+    "drive.torque_offset",
 )
 
 # What recorded poses show. A family that joint channels show too has a file for each.

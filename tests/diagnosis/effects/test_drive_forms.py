@@ -107,6 +107,17 @@ def test_a_friction_that_drives_somewhere_in_the_turn_is_none() -> None:
     assert not possible(0.5, 0.01), "constant: Coulomb's"
 
 
+def test_a_friction_that_drives_the_joint_one_way_is_none() -> None:
+    """A drive's offset alone has a lesser level below zero: no friction has, whatever the model states."""
+    (effect,) = library(["friction_asymmetry"])
+    trial = worlds.trials(worlds.world(3, "A"))[0]
+    form = find_form(effect, trial, "joint:lift", "levels")
+    assert form.is_admissible(trial, {"v": 0.005}, np.array([0.8, 0.5]))
+    assert form.is_admissible(trial, {"v": 0.005}, np.array([0.8, -0.5]))
+    assert not form.is_admissible(trial, {"v": 0.005}, np.array([0.0, -2.5])), "an offset of the drive"
+    assert not form.is_admissible(trial, {"v": 0.005}, np.array([0.5, 2.5])), "drives one way"
+
+
 def test_encoder_noise_does_not_turn_a_stiff_bristle_over() -> None:
     rate, rng = 1000.0, np.random.default_rng(0)
     time = np.arange(0.0, 4.0, 1.0 / rate)

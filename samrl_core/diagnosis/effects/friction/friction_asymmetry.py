@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from samrl_core.cell.robots.joint_dynamics import joint_dynamics
 from samrl_core.diagnosis.effects.drive_torque import (
+    BEYOND,
     DriveEffect,
     DriveForm,
     fastest_motion,
@@ -33,7 +35,7 @@ class FrictionAsymmetry(DriveEffect):
     source = "Gaz et al. 2019: velocity offsets -0.046 to 0.040 rad/s of the Panda's sigmoid friction"
     excitation = "the same poses in both directions"
     curve_over = "velocity"
-    confounded_with = ("torque_sensor_error", "coulomb_friction")
+    confounded_with = ("torque_offset", "torque_sensor_error", "coulomb_friction")
     contains = ("coulomb_friction",)
     parameters = (
         Parameter("mean", "N m", 0.0, 1.5, "(Fp + Fn) / 2"),
@@ -73,7 +75,10 @@ class Levels(DriveForm):
     def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
         # Without a link-side sensor, a drive offset looks the same: only a strong one is an asymmetry.
         least = 0.4 if "dynamics" in trial.channels else 0.1
-        return bool(abs(amplitudes[1]) > least * abs(amplitudes[0]) and amplitudes[0] > -abs(amplitudes[1]))
+        level, difference = amplitudes[0], abs(amplitudes[1])
+        return bool(
+            difference > least * abs(level) and level > difference - _most_friction(trial, self.joint)
+        )
 
     def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
         return {"mean": float(amplitudes[0]), "difference": float(amplitudes[1])}
@@ -128,6 +133,16 @@ class Offset(DriveForm):
             "friction_asymmetry": self.at_joints(trial, difference),
             "coulomb_velocity": self.at_joints(trial, width, 0.005),
         }
+
+
+def _most_friction(trial: Trial, joint: int) -> float:
+    """Dry friction [N m] that the model may have: beyond it the lesser level would drive the joint."""
+    arm = trial.recording.arm
+    known = np.broadcast_to(np.asarray(arm.tolerances.coulomb_friction), (trial.joints,))[joint]
+    offset = np.broadcast_to(np.asarray(arm.tolerances.torque_offset), (trial.joints,))[joint]
+    return float(joint_dynamics(arm).friction[joint]) + BEYOND * float(known + offset) * float(
+        trial.scale[joint]
+    )
 
 
 def _level_rows(trial: Trial, joint: int, width: float) -> np.ndarray:

@@ -35,10 +35,10 @@ class ForgeSettings:
     """How many worlds of each kind; half of the effects are of the second set, unless it is left out."""
 
     seed: int = 0
-    single: int = 168  # the catalogue's families by turns
+    single: int = 174  # the catalogue's families by turns
     none: int = 60
     outside: int = 42
-    double: int = 30
+    double: int = 24
     mujoco: int = 100  # of all, spread evenly over the kinds
     pinocchio: int = 100  # as many; the rest by PyBullet
     duration_s: float = 12.0  # of each recording

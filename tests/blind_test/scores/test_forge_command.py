@@ -174,9 +174,9 @@ def planned(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Fo
 @pytest.mark.parametrize(
     ("options", "single", "none", "outside", "double", "mujoco", "pinocchio"),
     [
-        ("", 168, 60, 42, 30, 100, 100),
-        ("--worlds 300", 168, 60, 42, 30, 100, 100),
-        ("--worlds 30", 17, 6, 4, 3, 10, 10),
+        ("", 174, 60, 42, 24, 100, 100),
+        ("--worlds 300", 174, 60, 42, 24, 100, 100),
+        ("--worlds 30", 18, 6, 4, 2, 10, 10),
         ("--single 29 --none 0 --outside 0 --double 0", 29, 0, 0, 0, 10, 10),
         ("--single 1 --none 0 --outside 0 --double 0", 1, 0, 0, 0, 0, 0),
         ("--single 29 --none 0 --outside 0 --double 0 --mujoco 29", 29, 0, 0, 0, 29, 0),

@@ -31,7 +31,7 @@ ITEM = PlanItem("w000", "single", "pybullet", "tool_arm", 1, (EFFECT,), 1.0, 11,
 def test_default_plan_has_the_numbers_asked_for() -> None:
     plan = plan_worlds(ForgeSettings(seed=3))
     kinds = [item.set for item in plan]
-    assert [kinds.count(k) for k in ("single", "none", "outside", "double")] == [168, 60, 42, 30]
+    assert [kinds.count(k) for k in ("single", "none", "outside", "double")] == [174, 60, 42, 24]
     for engine in ENGINES:
         assert sum(item.engine == engine for item in plan) == 100
         assert all(any(i.engine == engine for i in plan if i.set == k) for k in set(kinds))

@@ -236,7 +236,7 @@ def test_doubt_after_images_that_fit_nothing_ends_at_what_was_believed_before_th
     seen, estimate = bench.observe(3), initial_estimate(bench.model)
     strict = Real2SimSettings(parts=PartSettings(least_overlap=1.01, doubt=0.7))
     specs = bench.model.task.parameters()
-    away = np.zeros(len(specs))  # what an image leaves farther off stays doubted when the next one leads it back
+    away = np.zeros(len(specs))  # what an image leaves farther off stays doubted when another leads it back
     for _ in range(2):
         estimate = Real2Sim(bench.model, strict).update(estimate, seen)
         away = np.maximum(away, (estimate.values - [p.nominal for p in specs]) ** 2)

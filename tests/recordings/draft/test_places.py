@@ -11,10 +11,10 @@ from samrl_core.cell.types.reading_recording import ReadingRecording
 from samrl_core.common.errors import InputError
 from samrl_ros.cli.main import run
 from samrl_ros.log_import.devices import read_devices
-from samrl_ros.log_import.draft.any_draft import draft_free_devices
+from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.places import name_by_path
+from samrl_ros.log_import.draft.tracks.logged_tracks import read_logged_tables
 from samrl_ros.recordings.reading_file import read_reading_file
-from tests.recordings.draft.test_pose_draft import two_files
 from tests.recordings.test_one_step import depth_log
 
 
@@ -52,22 +52,21 @@ def test_a_drafted_mapping_names_the_files_where_they_lie(tmp_path: Path) -> Non
 
 def test_a_robot_and_a_camera_with_a_folder_each(tmp_path: Path) -> None:
     """One name for both was read from the first folder twice."""
-    robot, tag = two_files(tmp_path)
-    apart = [tmp_path / "robot" / robot.name, tmp_path / "camera" / tag.name]
-    for path, there in zip((robot, tag), apart, strict=True):
-        there.parent.mkdir()
-        path.rename(there)
-    draft = draft_free_devices(apart)
-    assert draft is not None and draft.kind == "poses"
-    name_by_path(draft, apart, apart[0].parent)
-    (recording,) = draft.recordings
-    assert list(recording["files"].values()) == [str(apart[1].resolve())]
-    alike = [path.with_name("log.csv") for path in apart]
-    for path, there, device in zip(apart, alike, ("tcp", "tag"), strict=True):
-        head, rows = path.read_text().split("\n", 1)
-        time, *axes = head.split(",")
-        there.write_text(",".join([time, *(f"{device}_{axis}" for axis in axes)]) + "\n" + rows)
-    draft = draft_free_devices(alike)
-    assert draft is not None and draft.kind == "poses"
+    apart = []
+    for name, source in (("robot", "ee"), ("camera", "tag")):
+        (tmp_path / name).mkdir()
+        head = ",".join(f"{source}_{axis}" for axis in "x y z qx qy qz qw".split())
+        rows = np.tile([0.1, 0.2, 0.3, 0.0, 0.0, 0.0, 1.0], (60, 1)) + 0.01 * np.arange(60)[:, None]
+        np.savetxt(tmp_path / name / "log.csv", rows, delimiter=",", header=head, comments="")
+        apart.append(tmp_path / name / "log.csv")
+    one, other = (track for table in read_logged_tables(apart) for track in table.tracks())
+    assert one.place != other.place
+    alike = Draft("", sources={"target": {"file": "log.csv"}, "flange": {"file": "log.csv"}})
+    alike.recordings = [{"name": "log"}]
     with pytest.raises(InputError, match=r"have one name.*give them different names"):
-        name_by_path(draft, alike, alike[0].parent)
+        name_by_path(alike, apart, apart[0].parent)
+    tag = apart[1].rename(tmp_path / "camera" / "tag.csv")
+    named = Draft("", sources={"target": {"file": "tag.csv"}, "flange": {"file": "log.csv"}})
+    named.recordings = [{"name": "log"}]
+    name_by_path(named, [apart[0], tag], apart[0].parent)
+    assert named.recordings == [{"name": "log", "files": {"target": str(tag.resolve())}}]

@@ -36,7 +36,7 @@ class RotorTorque(DriveForm):
     """The acceleration itself."""
 
     def torque(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
-        return trial.sure_acceleration[:, [joint]].T
+        return trial.motion.sure_acceleration[:, [joint]].T
 
     def spread(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
         return np.array([0.5 * max(trial.scale[joint] / 87.0, 0.1)])

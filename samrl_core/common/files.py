@@ -148,6 +148,13 @@ def is_there(path: Path) -> bool:
     return _kind_of(path) != 0
 
 
+def require_there(*logs: Path) -> None:
+    """Refuse paths where nothing lies. Raises `InputError`, naming the first."""
+    for path in logs:
+        if not is_there(path):
+            raise InputError(f"{path} does not exist; give a bag, a folder of bags or a log")
+
+
 def _kind_of(path: Path) -> int:
     try:
         return stat.S_IFMT(path.stat().st_mode)

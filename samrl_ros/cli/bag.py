@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 from samrl_core.common.errors import InputError
-from samrl_core.common.files import is_there, write_whole
+from samrl_core.common.files import is_there, require_there, write_whole
 from samrl_ros.bags.info import describe, render
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.bags.repair import default_destination, repair
@@ -107,6 +107,7 @@ def draft_command(
 
     if out is not None and is_there(out):
         raise InputError(f"{out} exists already; choose another --out or move it away")
+    require_there(*logs)
     given = xacro_values(xacro_arg or ())
     text = read_model(urdf, given).urdf if urdf is not None else None
     drafted = draft_any(logs, text, None if urdf is None else str(urdf.resolve()), effort)

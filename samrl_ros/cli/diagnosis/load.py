@@ -12,7 +12,7 @@ from samrl_core.cell.types.body_recording import BodyTolerances
 from samrl_core.cell.types.pose_recording import PoseTolerances
 from samrl_core.cell.types.reading_recording import ReadingTolerances
 from samrl_core.common.errors import InputError
-from samrl_core.common.files import is_there
+from samrl_core.common.files import require_there
 from samrl_core.common.text_files import parse_json, read_text
 from samrl_core.diagnosis.kinds.kind import Recording
 from samrl_core.diagnosis.nominal_model.nominal_model import NominalModel
@@ -38,8 +38,10 @@ def load(options: DiagnoseOptions, model: NominalModel | None = None) -> Loaded:
     """Recordings of one system by role, checked, with notes about them.
 
     Raises:
-        InputError: no bag, bags that cannot be read or used, or held-out data that were fitted too.
+        InputError: a path where nothing lies, no bag, bags that cannot be read or used, or held-out data
+            that were fitted too.
     """
+    require_there(*options.bags, *options.held_out)
     if options.mapping is not None:
         return _load_mapped(options, options.mapping, model)
     given = [*options.bags, *options.held_out]
@@ -64,9 +66,6 @@ def _load_mapped(options: DiagnoseOptions, mapping: Path, model: NominalModel | 
         raise InputError("--camera takes bags with images; leave out --mapping")
     if options.effort is not Effort.ask:
         raise InputError(f"--effort {options.effort.value}: with --mapping its channels say what efforts are")
-    for path in (*options.bags, *options.held_out):
-        if not is_there(path):
-            raise InputError(f"{path} does not exist; give logs that {mapping.name} describes, or none")
     data = options.data if options.data is not None else mapping.parent
     urdf = None if model is None else model.urdf
     found = import_logs_by(mapping, data, options.bags, options.held_out, urdf)
@@ -251,8 +250,7 @@ def load_one(path: Path, options: DiagnoseOptions) -> tuple[ArmRecording, list[s
     Raises:
         InputError: no such log, none that can be read, or no such arm in it.
     """
-    if not is_there(path):
-        raise InputError(f"{path} does not exist; give a bag or a log")
+    require_there(path)
     (recordings, *others), notes = read_log(path, None, None, options.effort)
     notes += [f"{path.name}: of its recordings, {recordings[0].name} is compared"] if others else []
     role = options.arm or _moving_role([recordings])
@@ -280,8 +278,6 @@ def _roles(bags: Sequence[Path], held_out: Sequence[Path]) -> tuple[list[Path], 
     fit: list[Path] = []
     held = list(held_out)
     for path in bags:
-        if not is_there(path):
-            raise InputError(f"{path} does not exist; give bags (.mcap), bag folders, or a folder of bags")
         index = path / "recordings.json"
         if path.is_dir() and index.exists():
             table = _role_table(index)

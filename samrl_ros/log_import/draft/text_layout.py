@@ -41,7 +41,9 @@ def text_options(path: Path) -> CsvOptions:
     try:
         stream = io.StringIO(decoded_text(path), newline="")
         text = list(islice(stream, _HEAD))
-    except (OSError, ValueError) as error:
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}; check the path") from error
+    except ValueError as error:
         raise InputError(f"{path} cannot be read as text: {error}") from error
     if is_known_export(path, text):
         return CsvOptions()

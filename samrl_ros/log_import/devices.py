@@ -14,7 +14,7 @@ from samrl_ros.log_import.body_importer import bodies_of
 from samrl_ros.log_import.draft.any_draft import draft_free_devices
 from samrl_ros.log_import.draft.bag_set import bags_in
 from samrl_ros.log_import.draft.guess import Draft
-from samrl_ros.log_import.draft.places import name_by_path
+from samrl_ros.log_import.draft.places import name_by_path, named
 from samrl_ros.log_import.draft.readings.clock_draft import STAMPED
 from samrl_ros.log_import.draft.tracks.logged_tracks import POSES, read_logged_tables
 from samrl_ros.log_import.draft.tracks.transform_chains import find_bag_chains
@@ -92,7 +92,7 @@ def refuse_questions(draft: Draft, paths: Sequence[Path], options: str = "") -> 
 def data_folder(draft: Draft, path: Path) -> Path:
     """Folder from which a draft's files count."""
     files = [source.get("file") for source in draft.sources.values()]
-    path = path if path.name else path.absolute()  # `.` has a name there
+    path = named(path)
     if bags_in(path):
         return path
     if is_folder(path) and not is_bag(path) and not all(file == path.name for file in files):

@@ -119,6 +119,21 @@ def lose_torque(trial: Trial, place: Place, torque: Callable[[int], np.ndarray])
     return out
 
 
+def unknown_torque(trial: Trial, joint: int) -> float:
+    """What the drive's torque may be off by within tolerances [N m]."""
+    return _of_scale(trial.recording.arm.tolerances.torque_offset, trial, joint)
+
+
+def unknown_friction(trial: Trial, joint: int) -> float:
+    """What a joint's dry friction may be off by within tolerances [N m]."""
+    return _of_scale(trial.recording.arm.tolerances.coulomb_friction, trial, joint)
+
+
+def _of_scale(share: float | tuple[float, ...], trial: Trial, joint: int) -> float:
+    """A tolerance, one or one for each joint, as a torque [N m]."""
+    return float(np.broadcast_to(share, (trial.joints,))[joint] * trial.scale[joint])
+
+
 def wrist_shafts(trial: Trial) -> tuple[Shaft, ...]:
     """Shafts that gears of a wrist may share: neighbours among the last three joints, sum and difference.
 

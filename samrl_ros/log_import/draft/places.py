@@ -12,6 +12,11 @@ from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.formats.rosbag import is_bag
 
 
+def named(path: Path) -> Path:
+    """The path, or, where it has no name, as `.`, the whole one."""
+    return path if path.name else path.absolute()
+
+
 def name_by_path(draft: Draft, paths: Sequence[Path], folder: Path) -> None:
     """Give whole paths to files that lie elsewhere than in `folder`, and names of their own to namesakes.
 

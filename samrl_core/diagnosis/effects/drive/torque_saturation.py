@@ -6,7 +6,7 @@ from abc import abstractmethod
 
 import numpy as np
 
-from samrl_core.diagnosis.effects.drive_torque import DriveEffect, lose_torque
+from samrl_core.diagnosis.effects.drive_torque import DriveEffect, lose_torque, unknown_torque
 from samrl_core.diagnosis.effects.effect import Parameter
 from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, PresentForm, Shape
 from samrl_core.diagnosis.residuals.equations import Columns
@@ -58,12 +58,6 @@ class TorqueSaturation(DriveEffect):
             *forms,
             ControllerClip(name="controller", place=place, amplitudes=one, shapes=grid, refine=limits),
         )
-
-
-def unknown_torque(trial: Trial, joint: int) -> float:
-    """What the drive's torque may be off by within tolerances [N m]."""
-    share = np.broadcast_to(np.asarray(trial.recording.arm.tolerances.torque_offset), (trial.joints,))
-    return float(share[joint] * trial.scale[joint])
 
 
 class LimitedTorque(PresentForm):

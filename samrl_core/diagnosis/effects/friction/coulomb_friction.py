@@ -15,6 +15,7 @@ from samrl_core.diagnosis.effects.drive_torque import (
     name_sizes,
     track_joints,
     turn_widths,
+    unknown_friction,
     widest_turn,
 )
 from samrl_core.diagnosis.effects.effect import Parameter, lacks_drive_torque
@@ -115,7 +116,7 @@ class SmoothSign(ShaftForm):
 
     def is_admissible(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> bool:
         stated = joint_dynamics(trial.recording.arm).friction
-        return are_possible(self.place, amplitudes, lambda j: _beyond_tolerance(trial, j), stated)
+        return are_possible(self.place, amplitudes, lambda j: BEYOND * unknown_friction(trial, j), stated)
 
     def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
         return name_sizes(trial, self.place, "Fc", amplitudes, self.shaft)
@@ -194,11 +195,6 @@ class ParkingShort(Form):
 
     def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
         return name_sizes(trial, self.place, "parked", amplitudes)
-
-
-def _beyond_tolerance(trial: Trial, joint: int) -> float:
-    tolerance = np.broadcast_to(trial.recording.arm.tolerances.coulomb_friction, (trial.joints,))[joint]
-    return BEYOND * float(tolerance) * trial.scale[joint]
 
 
 EFFECT = CoulombFriction()

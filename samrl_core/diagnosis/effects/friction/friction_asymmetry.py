@@ -13,6 +13,8 @@ from samrl_core.diagnosis.effects.drive_torque import (
     DriveForm,
     fastest_motion,
     turn_widths,
+    unknown_friction,
+    unknown_torque,
     widest_turn,
 )
 from samrl_core.diagnosis.effects.effect import Parameter
@@ -137,12 +139,8 @@ class Offset(DriveForm):
 
 def _most_friction(trial: Trial, joint: int) -> float:
     """Dry friction [N m] that the model may have: beyond it the lesser level would drive the joint."""
-    arm = trial.recording.arm
-    known = np.broadcast_to(np.asarray(arm.tolerances.coulomb_friction), (trial.joints,))[joint]
-    offset = np.broadcast_to(np.asarray(arm.tolerances.torque_offset), (trial.joints,))[joint]
-    return float(joint_dynamics(arm).friction[joint]) + BEYOND * float(known + offset) * float(
-        trial.scale[joint]
-    )
+    stated = float(joint_dynamics(trial.recording.arm).friction[joint])
+    return stated + BEYOND * (unknown_friction(trial, joint) + unknown_torque(trial, joint))
 
 
 def _level_rows(trial: Trial, joint: int, width: float) -> np.ndarray:

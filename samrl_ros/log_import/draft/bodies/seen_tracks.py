@@ -101,13 +101,16 @@ def stands_still(each: LoggedTrack, tracks: Sequence[LoggedTrack]) -> bool:
 
     A table's tag does. A few poses may stand apart, as a detector gives them.
     """
-    ways = [(other, _most_of_its_way(other)) for other in tracks if other.motion == each.motion]
-    return bool(each.csv.label) and _most_of_its_way(each) < STILL * max(way for _, way in ways)
+    if not each.csv.label:
+        return False
+    ways = [np.linalg.norm(_widths(other)) for other in tracks if other.motion == each.motion]
+    return bool(np.linalg.norm(_widths(each)) < STILL * max(ways))
 
 
-def _most_of_its_way(each: LoggedTrack) -> float:
+def _widths(each: LoggedTrack) -> np.ndarray:
+    """Along each axis (2,) or (3,), of the box that all but a few poses of a track lie in."""
     low, high = np.nanpercentile(each.position, [2, 98], axis=0)
-    return float(np.linalg.norm(high - low))
+    return high - low
 
 
 def look_at(each: LoggedTrack) -> SeenTrack:
@@ -170,7 +173,7 @@ def plane_of_most(runs: Sequence[SeenTrack]) -> int | None:
 
 def plane_across(run: SeenTrack) -> int | None:
     """The axis of a track's three along which it hardly moves; None where there is none."""
-    widths = np.nanpercentile(run.each.position, 98, axis=0) - np.nanpercentile(run.each.position, 2, axis=0)
+    widths = _widths(run.each)
     order = np.argsort(widths)
     return int(order[0]) if len(widths) == 3 and widths[order[0]] < FLAT * widths[order[1]] else None
 

@@ -120,7 +120,7 @@ def universal_robots(joints: Sequence[str]) -> tuple[str, ...]:
 def is_unitree(stem: str) -> bool:
     """Whether a column is a field of a motor in Unitree's `LowState`: rad, rad/s and N m by its guide."""
     words = [word for word in words_in(stem) if word != SLOT and not word.isdecimal()]
-    return words[:2] == ["motor", "state"] and words[2:3] != [] and words[2] in _FIELDS_OF_UNITREE
+    return words[:2] == ["motor", "state"] and not _FIELDS_OF_UNITREE.isdisjoint(words[2:3])
 
 
 def unitree_motors(stem: str, labels: Sequence[str], joints: Sequence[str]) -> dict[str, str]:

@@ -18,6 +18,7 @@ from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_file, is_folder
 from samrl_ros.log_import.draft.column_names import is_time, words_in
 from samrl_ros.log_import.draft.guess import Draft
+from samrl_ros.log_import.draft.places import named
 from samrl_ros.log_import.draft.readings.plane_of_pose import plane_formulas
 from samrl_ros.log_import.draft.readings.reading_draft import says_truth
 from samrl_ros.log_import.draft.text_layout import stated_options, text_options
@@ -58,7 +59,7 @@ def draft_depth_images(paths: Sequence[Path]) -> Draft | None:
     Raises:
         InputError: images that are no depth, or cannot be read.
     """
-    paths = [path if path.name else path.absolute() for path in paths]  # `.` has a name there
+    paths = [named(path) for path in paths]
     if len(paths) == 1 and is_folder(paths[0]) and not _holds_images(paths[0]):
         paths = _stacks_of(paths[0])
     if not paths or not all(_holds_images(path) for path in paths):

@@ -288,7 +288,8 @@ def split_by_label(whole: LoggedTable) -> list[LoggedTable]:
     for label, cells in whole.table.columns.items():
         if is_time(label) or not (isinstance(cells, pd.Series) or _numbers_things(label, cells)):
             continue
-        names = pd.Series(labels_in(cells))
+        labels = labels_in(cells)
+        names = pd.Series(labels)
         count = names.value_counts()
         few = [str(name) for name in count.index if count[name] < LEAST]
         if few and isinstance(cells, np.ndarray):  # numbers that a detector mistook once or twice
@@ -302,9 +303,8 @@ def split_by_label(whole: LoggedTable) -> list[LoggedTable]:
             rows = rows_of(whole.table.columns, part, label, f"the log: {whole.path.name}")
             table = replace(whole.table, columns=rows)
             tables.append(LoggedTable(whole.path, table, part, csv=options))
-        if all(any(t.track.whole for t in each.tracks()) for each in tables) and _side_by_side(
-            whole.table, labels_in(cells), parts
-        ):
+        posed = all(any(t.track.whole for t in each.tracks()) for each in tables)
+        if posed and _side_by_side(whole.table, labels, parts):
             return tables
     return []
 

@@ -33,13 +33,12 @@ def find_pose_runs(placed: Sequence[LoggedTrack], side: Callable[[LoggedTrack], 
     seen, carried = _sides(placed, side)
     alike = len({tuple(e.track.used) for e in seen}) == len({tuple(e.track.used) for e in carried}) == 1
     whole = len(seen) == len(carried) > 1 and len(seen) + len(carried) == len(placed)
-    by_folder = _by_folder(seen, carried)
     parts = {(side, each.part) for side, group in enumerate((seen, carried)) for each in group if each.part}
     labels = all(each.csv.label for each in placed if each.part) and len(parts) < 2
     if not (alike and whole) or not labels:
         return None
     if len({each.path.parent for each in placed}) > 1:
-        return by_folder
+        return _by_folder(seen, carried)
     if [each.path for each in seen] == [each.path for each in carried]:
         names = tuple(each.path.stem for each in seen)
         file = f"{{name}}{seen[0].path.suffix}"

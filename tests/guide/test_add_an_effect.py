@@ -11,7 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.guide.pages import blocks
+from samrl_core.blind_test.disturbances.registry import CATALOGUE
+from samrl_core.diagnosis.effects import EFFECTS, FAMILIES
+from tests.guide.pages import GUIDE, blocks
 
 ROOT = Path(__file__).parents[2]
 
@@ -55,6 +57,18 @@ def follow(copy: Path) -> list[str]:
             file.write_text(old.replace(before[1:] + "\n", f"{before[1:]}\n{after[1:]}\n"))
         touched.append(name)
     return touched
+
+
+def test_the_recipe_takes_the_next_number_and_the_last_lines() -> None:
+    """The page's number was taken by a later effect, and its lines stood above the last ones."""
+    following = max(family.number for family in FAMILIES.values()) + 1
+    files = {name: text for kind, name, text in blocks("add_an_effect.md", "python", "diff")}
+    effect, disturbance = (text for name, text in files.items() if name.endswith("fan_drag.py"))
+    assert f'"fan_drag", {following}, "Fan drag"' in effect and effect.startswith(f'"""{following}: ')
+    assert disturbance.startswith(f'"""{following}. ')
+    assert f"1 to {following - 1} are taken" in (GUIDE / "add_an_effect.md").read_text()
+    assert f'{EFFECTS[-1].family}",' in files["samrl_core/diagnosis/effects/__init__.py"].split("+")[0]
+    assert f'{CATALOGUE[-1]}",' in files["samrl_core/blind_test/disturbances/registry.py"].split("+")[0]
 
 
 @pytest.mark.thorough

@@ -7,6 +7,7 @@ import errno
 import sys
 
 from samrl_ros.contract.exit_codes import FAILED, INPUT_REFUSED, INTERRUPTED, OK
+from samrl_ros.contract.full_output import FullOutput
 from samrl_ros.contract.quiet_end import leave_quietly
 
 # Of paths that the system refuses, wherever a command touches them first.
@@ -65,7 +66,12 @@ def main() -> None:
     leave_quietly()
     from samrl_ros.contract.interrupts import leave
 
-    leave(run(sys.argv[1:]))
+    output = FullOutput()
+    code = run(sys.argv[1:])
+    if why := output.lost():
+        text = f"standard output: {why}; what was printed is lost, files were written. Print to another place"
+        code = max(code, _say("error", text, FAILED))
+    leave(code)
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ import numpy as np
 from samrl_core.cell.calibration.chain_of_poses import ChainSolution, influence, response, solve_chain
 from samrl_core.cell.calibration.recorded_poses import (
     MAX_BYTES,
+    BaseFile,
     HandEyeFile,
     Kind,
     base_pairs,
@@ -22,7 +23,7 @@ from samrl_core.cell.calibration.recorded_poses import (
 )
 from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.cell.types.pose import Pose
-from samrl_core.common.errors import InputError
+from samrl_core.common.errors import InputError, SolveError
 from samrl_core.common.figure_file import save_figure
 from samrl_core.common.files import read_whole, write_whole
 
@@ -74,20 +75,32 @@ def calibrate(pairs_file: Path, hand_eye: Path | None) -> CalibratedPose:
         SolveError: the pairs contradict each other.
     """
     recorded = read_recorded(pairs_file)
-    if isinstance(recorded, HandEyeFile):
-        if hand_eye is not None:
-            raise InputError(f"{pairs_file} is for hand-eye calibration, which takes no --hand-eye")
-        pairs = hand_eye_pairs(recorded)
-        solution = solve_chain(pairs)
-        _, moved = influence(pairs, solution)
-        board = solution.outer.inverse()
-        return _calibration("hand_eye", solution, board, moved, solution.inner, np.zeros((6, 6)))
-    if hand_eye is None:
+    if isinstance(recorded, HandEyeFile) and hand_eye is not None:
+        raise InputError(f"{pairs_file} is for hand-eye calibration, which takes no --hand-eye")
+    if isinstance(recorded, BaseFile) and hand_eye is None:
         raise InputError(
             f"{pairs_file} is for base-to-base calibration: give --hand-eye FILE, the result of a "
             "hand-eye calibration"
         )
-    known = read_hand_eye(hand_eye)
+    known = read_hand_eye(hand_eye) if hand_eye is not None else None
+    try:
+        if isinstance(recorded, HandEyeFile):
+            return _camera(recorded)
+        assert known is not None
+        return _base(recorded, known)
+    except (InputError, SolveError) as error:
+        raise type(error)(f"{pairs_file}: {error}") from error
+
+
+def _camera(recorded: HandEyeFile) -> CalibratedPose:
+    pairs = hand_eye_pairs(recorded)
+    solution = solve_chain(pairs)
+    _, moved = influence(pairs, solution)
+    board = solution.outer.inverse()
+    return _calibration("hand_eye", solution, board, moved, solution.inner, np.zeros((6, 6)))
+
+
+def _base(recorded: BaseFile, known: HandEyePose) -> CalibratedPose:
     pairs = base_pairs(recorded, known.camera_in_flange)
     solution = solve_chain(pairs)
     moved, _ = influence(pairs, solution)

@@ -49,7 +49,7 @@ class PosePairs:
         if len(self.moving) != len(self.measured):
             raise InputError(f"{len(self.moving)} moving poses for {len(self.measured)} measured ones")
         if len(self.moving) < LEAST_PAIRS:
-            raise InputError(f"{len(self.moving)} pairs of poses, needed {LEAST_PAIRS}; record more")
+            raise InputError(f"pairs of poses: {len(self.moving)}, needed {LEAST_PAIRS}; record more")
         for name, poses in (("arm's", self.moving), ("measured", self.measured)):
             turn = turn_about_second_axis(poses)
             if turn < LEAST_TURN:

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
+from pydantic import model_validator
 
 from samrl_core.cell.calibration.chain_of_poses import PosePairs
 from samrl_core.cell.types.pose import Pose
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import read_whole
-from samrl_core.common.validation import Checked
+from samrl_core.common.validation import Checked, fault
 
 MAX_BYTES = 16 * 2**20
 Kind = Literal["hand_eye", "base_to_base"]
@@ -23,6 +24,14 @@ class PoseEntry(Checked):
 
     position: list[float]  # [m]
     quat_xyzw: list[float]
+
+    @model_validator(mode="after")
+    def _is_a_pose(self) -> Self:
+        try:
+            self.pose()
+        except InputError as error:
+            raise fault(f": {error}") from error
+        return self
 
     def pose(self) -> Pose:
         """As a pose. Raises InputError for wrong lengths or a quaternion that is not of unit length."""
@@ -62,7 +71,7 @@ def read_recorded(path: Path) -> HandEyeFile | BaseFile:
     """A file of pairs.
 
     Raises:
-        InputError: no such file, no JSON, or keys, numbers or a kind that do not fit.
+        InputError: no such file, no JSON, or keys, numbers, poses or a kind that do not fit.
     """
     try:
         data = json.loads(read_whole(path, MAX_BYTES).decode())

@@ -20,7 +20,7 @@ from samrl_core.cell.calibration.recorded_poses import (
     hand_eye_pairs,
 )
 from samrl_core.cell.types.pose import Pose
-from samrl_core.common.errors import InputError
+from samrl_core.common.errors import InputError, SolveError
 from samrl_ros.cli.main import run
 from samrl_ros.contract.exit_codes import FAILED, INPUT_REFUSED, OK
 
@@ -123,6 +123,33 @@ def test_something_else_is_no_hand_eye_calibration(spoil: dict[str, Any], tmp_pa
         read_hand_eye(file)
 
 
+@pytest.mark.parametrize(
+    ("spoil", "says"),
+    [
+        ({"quat_xyzw": [0, 0, 0, 2]}, r"pairs.json: pairs\[3\].board_in_camera: quaternion .* length 2"),
+        ({"position": [0.1, 0.2]}, r"pairs.json: pairs\[3\].board_in_camera: Pose needs shapes"),
+    ],
+)
+def test_a_pose_that_is_none_is_named_with_its_file_and_pair(
+    spoil: dict[str, Any], says: str, tmp_path: Path
+) -> None:
+    data = hand_eye_file(6)
+    data["pairs"][3]["board_in_camera"] |= spoil
+    with pytest.raises(InputError, match=says):
+        calibrate(Path(written(tmp_path / "pairs.json", data)), None)
+
+
+def test_what_pairs_lack_is_said_of_their_file(tmp_path: Path) -> None:
+    file = Path(written(tmp_path / "pairs.json", hand_eye_file(1)))
+    with pytest.raises(InputError, match=r"pairs.json: pairs of poses: 1, needed 6; record more"):
+        calibrate(file, None)
+    data = hand_eye_file(6)
+    for pair in data["pairs"]:
+        pair["board_in_camera"]["position"] = [1e3 * x for x in pair["board_in_camera"]["position"]]
+    with pytest.raises(SolveError, match=r"pairs.json: the pairs contradict each other"):
+        calibrate(Path(written(file, data)), None)
+
+
 @pytest.mark.parametrize("pairs", [10, pytest.param(20, marks=pytest.mark.slow)])
 def test_deviations_hold_for_both_calibrations(pairs: int) -> None:
     """Errors of 40 calibrations one after the other, in units of their own deviations."""
@@ -191,7 +218,7 @@ def _few(data: dict[str, Any]) -> None:
         (_short_quaternion, "length 0.5"),
         (_missing_key, "pairs[2] lacks flange_in_base"),
         (_other_kind, "'eye_to_hand'"),
-        (_few, "4 pairs"),
+        (_few, "pairs of poses: 4, needed 6"),
     ],
 )
 def test_bad_files_are_refused_and_nothing_is_written(

@@ -77,7 +77,7 @@ def test_rotation_about_one_axis_is_refused() -> None:
 
 
 def test_few_or_unequal_pairs_are_refused() -> None:
-    with pytest.raises(InputError, match="5 pairs of poses, needed 6"):
+    with pytest.raises(InputError, match="pairs of poses: 5, needed 6"):
         made_pairs(5, seed=0)
     pairs = made_pairs(8, seed=0)
     with pytest.raises(InputError, match="8 moving poses for 7"):

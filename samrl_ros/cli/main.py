@@ -7,7 +7,6 @@ import errno
 import sys
 
 from samrl_ros.contract.exit_codes import FAILED, INPUT_REFUSED, INTERRUPTED, OK
-from samrl_ros.contract.full_output import FullOutput
 from samrl_ros.contract.quiet_end import leave_quietly
 
 # Of paths that the system refuses, wherever a command touches them first.
@@ -64,6 +63,7 @@ def _say(what: str, text: str, code: int) -> int:
 def main() -> None:
     """Entry point of the console script."""
     leave_quietly()
+    from samrl_ros.contract.full_output import FullOutput
     from samrl_ros.contract.interrupts import leave
 
     output = FullOutput()

@@ -7,7 +7,7 @@ import io
 import sys
 from typing import TextIO
 
-# As of `samrl_core.common.files`, which takes longer to import than an executable waits for its signals.
+# As of `samrl_core.common.files`, which takes longer to import.
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 

@@ -13,6 +13,7 @@ from rich.console import Console
 
 from samrl_ros.cli import main
 from samrl_ros.contract import interrupts
+from samrl_ros.contract.full_output import FullOutput
 
 FULL = Path("/dev/full")
 
@@ -47,7 +48,7 @@ def test_what_fits_is_printed_and_a_pipe_that_nobody_reads_ends_the_command(
     reading, writing = os.pipe()
     with os.fdopen(writing, "w") as pipe:
         monkeypatch.setattr(sys, "stdout", pipe)
-        output = main.FullOutput()
+        output = FullOutput()
         print("a line")
         assert output.lost() == "" and os.read(reading, 100) == b"a line\n"
         os.close(reading)
@@ -60,4 +61,4 @@ def test_what_fits_is_printed_and_a_pipe_that_nobody_reads_ends_the_command(
 
 def test_a_captured_output_stays_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stdout", captured := io.StringIO())
-    assert main.FullOutput().lost() == "" and sys.stdout is captured
+    assert FullOutput().lost() == "" and sys.stdout is captured

@@ -41,6 +41,17 @@ class Checked(BaseModel):
             raise fault(f" is not known here; {listed}", unknown[0])
         return {key: each for key, each in value.items() if each is not None}
 
+    @model_validator(mode="after")
+    def _values(self) -> Self:
+        try:
+            self.require_sense()
+        except InputError as error:
+            raise fault(f": {error}") from error
+        return self
+
+    def require_sense(self) -> None:
+        """Raise `InputError` for values that have the right types and are none all the same."""
+
     @classmethod
     def read(cls, value: Any, where: str) -> Self:
         """As `read_model`."""

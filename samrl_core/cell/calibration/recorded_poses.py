@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Literal, Self
+from typing import Literal
 
 import numpy as np
-from pydantic import model_validator
 
 from samrl_core.cell.calibration.chain_of_poses import PosePairs
 from samrl_core.cell.types.pose import Pose
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import read_whole
-from samrl_core.common.validation import Checked, fault
+from samrl_core.common.validation import Checked
 
 MAX_BYTES = 16 * 2**20
 Kind = Literal["hand_eye", "base_to_base"]
@@ -25,13 +24,9 @@ class PoseEntry(Checked):
     position: list[float]  # [m]
     quat_xyzw: list[float]
 
-    @model_validator(mode="after")
-    def _is_a_pose(self) -> Self:
-        try:
-            self.pose()
-        except InputError as error:
-            raise fault(f": {error}") from error
-        return self
+    def require_sense(self) -> None:
+        """See `Checked`."""
+        self.pose()
 
     def pose(self) -> Pose:
         """As a pose. Raises InputError for wrong lengths or a quaternion that is not of unit length."""

@@ -98,7 +98,7 @@ def _render(
             region = task_named(task).view_region()
         except InputError as error:
             notes = [*notes, str(error)]
-    state, headline = _headline(run, summary)
+    state, headline = choose_headline(run, summary)
     return (
         _environment()
         .get_template("run.html.j2")
@@ -108,9 +108,11 @@ def _render(
             state=state,
             headline=headline,
             run=run,
-            error=summary.get("error", ""),
+            error=tell_trouble(summary),
             version=summary.get("version", ""),
             chosen=summary.get("settings", {}),
+            acting=() if _observes(summary) else ("policy", "strategy"),
+            sources=tell_sources(summary),
             rows=_episode_rows(run, summary),
             incidents=_incident_rows(summary),
             cards=cards,
@@ -141,7 +143,7 @@ def _environment() -> Environment:
     )
 
 
-def _headline(run: RunRecord, summary: dict[str, Any]) -> tuple[str, str]:
+def choose_headline(run: RunRecord, summary: dict[str, Any]) -> tuple[str, str]:
     """Name of the page's colours, and its first line."""
     episodes, error = summary.get("episodes", []), summary.get("error", "")
     good, judged = _successes(summary)
@@ -149,6 +151,8 @@ def _headline(run: RunRecord, summary: dict[str, Any]) -> tuple[str, str]:
     if judged < len(episodes):
         unknown = len(episodes) - judged
         count = f"{count}, {unknown} not judged" if judged else f"{_episodes(unknown)}, not judged"
+    if _observes(summary) and not tell_trouble(summary):
+        return "not_testable", f"Recorded what the drivers said, {run.duration:.1f} s"
     if error.startswith("interrupted"):
         return "ambiguous", f"Interrupted: {count}"
     if error:
@@ -158,6 +162,26 @@ def _headline(run: RunRecord, summary: dict[str, Any]) -> tuple[str, str]:
     if episodes and not judged:
         return "not_testable", count
     return ("no_gap" if good == len(episodes) and episodes else "ambiguous"), count
+
+
+def _observes(summary: dict[str, Any]) -> bool:
+    """Whether the run only recorded (`--observe`): it has no episodes, and who acts was not asked."""
+    return bool(summary.get("settings", {}).get("observe"))
+
+
+def tell_trouble(summary: dict[str, Any]) -> str:
+    """What a run ended with that it should not; one that only records ends by an interrupt."""
+    error = summary.get("error", "")
+    return "" if _observes(summary) and error.startswith("interrupted") else error
+
+
+def tell_sources(summary: dict[str, Any]) -> str:
+    """Who says what of the page's numbers."""
+    if not summary.get("settings", {}).get("hardware"):
+        return "Success, seed and distance are ground truth; all else is what the cell recorded."
+    if summary.get("judged_by") == "operator":
+        return "Success is the operator's word; all else is what the cell recorded."
+    return "All of it is what the cell recorded; nobody judged an episode."
 
 
 def _episodes(count: int) -> str:

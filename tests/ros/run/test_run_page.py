@@ -14,8 +14,8 @@ import pytest
 
 from samrl_core.common.errors import InputError
 from samrl_ros.cell.report.figures import extremes
-from samrl_ros.cell.report.page import write_run_page
-from samrl_ros.cell.report.run_record import losses_of, read_run
+from samrl_ros.cell.report.page import choose_headline, tell_sources, tell_trouble, write_run_page
+from samrl_ros.cell.report.run_record import RunRecord, losses_of, read_run
 from samrl_ros.cell.report.view_sphere import view_figure
 from tests.ros.bag_files import record
 from tests.ros.run.small_run import ERROR_RAD, new, small_run
@@ -126,6 +126,31 @@ def test_the_video_plays_and_shows_camera_and_model(folder: Path) -> None:
 def test_a_run_that_ended_early_says_why(tmp_path: Path, error: str, words: str) -> None:
     page = summarised(tmp_path, error=error)
     assert words in page and error in page
+
+
+def test_a_run_that_only_records_has_no_episodes_and_was_not_cut_off() -> None:
+    """It was "Interrupted: 0 of 0 episodes succeeded"; an interrupt is how it ends."""
+    run = RunRecord(duration=12.34)
+    summary = {"settings": {"observe": True, "hardware": ["a"]}, "episodes": [], "error": "interrupted"}
+    assert choose_headline(run, summary)[1] == "Recorded what the drivers said, 12.3 s"
+    assert tell_trouble(summary) == ""
+    broken = summary | {"error": "recorder ended with -9"}
+    assert choose_headline(run, broken)[1].startswith("The cell stopped") and tell_trouble(broken)
+    acted = summary | {"settings": {}}
+    assert choose_headline(run, acted)[1].startswith("Interrupted") and tell_trouble(acted)
+
+
+@pytest.mark.parametrize(
+    ("hardware", "by", "says"),
+    [
+        (None, "truth", "Success, seed and distance are ground truth;"),
+        (["a"], "operator", "Success is the operator's word;"),
+        (["a"], None, "nobody judged an episode"),
+    ],
+)
+def test_the_page_says_whose_word_success_is(hardware: list[str] | None, by: str | None, says: str) -> None:
+    """Of hardware nobody has ground truth."""
+    assert says in tell_sources({"settings": {"hardware": hardware}, "judged_by": by})
 
 
 def test_without_a_summary_the_bag_alone_makes_a_page(tmp_path: Path) -> None:

@@ -13,11 +13,12 @@ from scipy.spatial.transform import Rotation
 from samrl_core.cell.types.body_recording import BodyModel, BodyRecording, BodyTolerances, BodyTrack, Support
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
-from samrl_core.diagnosis.kinds.bodies.body_tracks import split_bodies, split_body
+from samrl_core.diagnosis.kinds.bodies.body_tracks import BodyTracks, split_bodies, split_body
 from samrl_core.diagnosis.residuals.bodies.find_segments import find_segments
 from samrl_core.diagnosis.residuals.bodies.free_rotation import free_rotation
 from samrl_core.diagnosis.residuals.bodies.phase_search import find_phases
-from samrl_core.diagnosis.residuals.bodies.stray_poses import stray_poses
+from samrl_core.diagnosis.residuals.bodies.stray_poses import held_poses, stray_poses
+from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.result import Diagnosis
 from tests.diagnosis.bodies.body_worlds import G, Tracker, World, bounces, several, slide, toss
 
@@ -267,6 +268,70 @@ def test_a_toss_without_a_support_leaves_the_hand_out() -> None:
     )
     (segment,) = find_segments(replace(recording, track=whole), 0).segments
     assert segment.kind == "flight" and abs(segment.time[0] - 40 / 120.0) < 0.03
+
+
+def test_a_hand_that_carries_its_toss_on_is_none_of_the_flight() -> None:
+    """Where a hand eases off some 40 ms of it passed for flight: both together bend as a flight does."""
+    recording = toss(World(tracker=Tracker(rate=200.0)), np.random.default_rng(3), turns=False)
+    track = recording.track
+    speed = (track.position[5] - track.position[0]) / (track.time[5] - track.time[0]) + [0, 0, G * 0.0125]
+    part = np.arange(60) / 60.0
+    carried = track.position[0] + np.outer(0.3 * (part**3 - part**4 / 2 - 0.5), speed)
+    carried += 5e-4 * np.random.default_rng(0).standard_normal((60, 3))
+    whole = replace(
+        track, time=np.arange(60 + len(track)) / 200.0, position=np.concatenate([carried, track.position])
+    )
+    (segment,) = find_segments(replace(recording, track=whole)).segments
+    assert segment.kind == "flight" and 0.3 <= segment.time[0] < 0.36 and segment.time[-1] > 0.88
+
+
+def test_a_drag_leaves_a_flight_as_long_as_it_was() -> None:
+    """Only a hand is cut off: what bends the whole path is for the diagnosis to see."""
+    rests = {}
+    for drag in (0.0, 0.1):
+        track = toss(World(drag=drag), np.random.default_rng(1), turns=False).track
+        held = np.repeat(track.position[:1], 40, axis=0)
+        held += 5e-4 * np.random.default_rng(0).standard_normal((40, 3))
+        recording = toss(World(), np.random.default_rng(1), turns=False)
+        time = np.arange(40 + len(track)) / 120.0
+        whole = replace(track, time=time, position=np.concatenate([held, track.position]))
+        (segment,) = find_segments(replace(recording, track=whole)).segments
+        rests[drag] = len(segment)
+    assert abs(rests[0.1] - rests[0.0]) <= 3
+
+
+def test_two_strays_near_each_other_are_both_found() -> None:
+    """Each spoiled the cubics of the other's neighbours: a slide began at one of them."""
+    recording = slide(World(tracker=Tracker(rate=60.0)), np.random.default_rng(0))
+    position = recording.track.position.copy()
+    wrong = [9, 12, 30, 34]
+    position[wrong, :2] += [0.03, -0.02]
+    assert np.flatnonzero(stray_poses(recording.track.time, position)).tolist() == wrong
+
+
+def test_a_pose_that_is_repeated_while_the_body_moves_on_is_a_lost_frame() -> None:
+    """A tracker that publishes its last pose again for lost frames made friction out of them."""
+    track = slide(World(), np.random.default_rng(0), speed=1.5).track
+    position = track.position.copy()
+    lost = [10, 11, 12, 13, 30, 45, 46]
+    for k in lost:
+        position[k] = position[k - 1]
+    assert np.flatnonzero(held_poses(replace(track, position=position))).tolist() == lost
+    # Rounded to a millimetre a body that rests, or creeps, repeats poses that are right.
+    rounded = np.round(track.position, 3)
+    rounded[-40:] = rounded[-40]
+    assert not held_poses(replace(track, position=rounded)).any()
+
+
+def test_a_recording_without_a_motion_beside_others_is_noted_and_left_out() -> None:
+    """Its channels were empty where the others' were not: an IndexError."""
+    made = several(slide, World(), 4, 1)
+    still = replace(made[0].track, position=0.0 * made[0].track.position)
+    fit = [made[0], replace(made[1], track=still), *made[2:]]
+    kind = BodyTracks()
+    trials, held = kind.trials(fit, [made[1]])
+    assert len(trials) == 3 and len(Likelihood(trials).y) and len(Likelihood(held).y)
+    assert any(made[1].name in note and "no part of it" in note for note in kind.notes(trials))
 
 
 def test_strays_are_single_poses_and_impacts_are_none() -> None:

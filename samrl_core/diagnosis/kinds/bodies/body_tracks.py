@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import ClassVar
 
@@ -53,8 +53,10 @@ class BodyTracks(Kind[BodyRecording]):
     def trials(
         self, fit: Sequence[BodyRecording], held_out: Sequence[BodyRecording]
     ) -> tuple[list[Observed], list[Observed]]:
-        groups = [_bundles(fit), _bundles(held_out)]
-        found = [[[find_segments(r, k) for k, r in enumerate(b)] for b in group] for group in groups]
+        motions = {id(r): find_segments(r) for r in (*fit, *held_out)}
+        fit, still = _that_move(fit, motions)
+        groups = [_bundles(fit), _bundles(_that_move(held_out, motions)[0])]
+        found = [[[motions[id(r)].of(k) for k, r in enumerate(b)] for b in group] for group in groups]
         known = [f for bundle in found[0] for f in bundle]
         constants, _ = solved(list(fit), known)
         channels = channels_of(list(fit), known)
@@ -64,6 +66,8 @@ class BodyTracks(Kind[BodyRecording]):
         made = [every[: len(groups[0])], every[len(groups[0]) :]]
         for trial, there in zip(made[0], found[0], strict=True):
             trial.notes = [note for f in there for note in f.notes]
+        if made[0]:
+            made[0][0].notes = [*still, *made[0][0].notes]
         return list(made[0]), list(made[1])
 
     def notes(self, trials: Sequence[Observed]) -> list[str]:
@@ -96,6 +100,17 @@ class BodyTracks(Kind[BodyRecording]):
 
     def doubts(self, evidence: Evidence, chosen: Fit | None, least: float) -> list[str]:
         return suspicions(evidence, chosen, least)
+
+
+def _that_move(
+    recordings: Sequence[BodyRecording], motions: Mapping[int, Found]
+) -> tuple[list[BodyRecording], list[str]]:
+    """Recordings that hold a motion, all if none does, and what is noted of the others."""
+    still = [r for r in recordings if not (motions[id(r)].segments or motions[id(r)].impacts)]
+    if len(still) == len(recordings):
+        return list(recordings), []
+    kept = [r for r in recordings if all(r is not s for s in still)]
+    return kept, [note for r in still for note in motions[id(r)].notes]
 
 
 KEYS = ("body", "measured axes", "measured turns", "friction", "restitution", "rolling", "camera", "phase")

@@ -10,12 +10,14 @@ from samrl_core.cell.types.body_recording import BodyRecording
 from samrl_core.diagnosis.residuals.bodies.phase_search import (
     CONTACT,
     FLIGHT,
+    NEITHER,
     MotionPhase,
     find_phases,
+    out_of_hand,
     rough_noise,
 )
 from samrl_core.diagnosis.residuals.bodies.segment import Segment, rotations, smoothed, smoothness
-from samrl_core.diagnosis.residuals.bodies.stray_poses import stray_poses
+from samrl_core.diagnosis.residuals.bodies.stray_poses import held_poses, stray_poses
 
 LEAST_SAMPLES = 7
 LEAST_S = {"flight": 0.06, "slide": 0.12}
@@ -54,9 +56,19 @@ class Found:
     notes: tuple[str, ...]
     strays: int = 0  # poses that are none of the body
 
+    def of(self, recording: int) -> Found:
+        """The same as of another place in a trial."""
+        return replace(
+            self,
+            segments=tuple(replace(s, recording=recording) for s in self.segments),
+            impacts=tuple(replace(i, recording=recording) for i in self.impacts),
+        )
 
-def find_segments(recording: BodyRecording, index: int) -> Found:
+
+def find_segments(recording: BodyRecording, index: int = 0) -> Found:
     """Everything of one recording; `index` is its place in the trial."""
+    held = held_poses(recording.track)
+    recording = replace(recording, track=recording.track.only(~held))
     stray = stray_poses(
         recording.track.time, recording.track.position[:, [a in recording.track.axes for a in "xyz"]]
     )
@@ -90,6 +102,11 @@ def find_segments(recording: BodyRecording, index: int) -> Found:
     impacts = _impacts(recording, index, center, seen, phases)
     used = sum(len(s) for s in segments)
     notes = []
+    if held.any():
+        notes.append(
+            f"{recording.name}: {held.sum()} poses are the one before, to the last digit, while the body"
+            " moves on: lost frames, left out"
+        )
     if not segments:
         notes.append(_why_nothing(recording, center, seen))
     elif used < len(track):
@@ -123,13 +140,24 @@ def _phases(recording: BodyRecording, center: np.ndarray, seen: np.ndarray) -> l
     up = _up(recording)
     if np.linalg.norm(up[seen]) < SEEN:
         return [MotionPhase(CONTACT if recording.support is not None else FLIGHT, 0, count)]
-    found = find_phases(recording.track.time, center @ up, abs(float(gravity @ up)))
+    time, height, pull = recording.track.time, center @ up, abs(float(gravity @ up))
+    found = find_phases(time, height, pull)
     # What touches a piece of another kind may have been hit within the sample.
-    return [
+    inside = [
         MotionPhase(p.kind, p.begin + (p.begin > 0), p.end - (p.end < count))
         for p in found
         if p.end - p.begin > 2
     ]
+    by_hand = [p for p in found if p.kind == NEITHER and time[p.end - 1] - time[p.begin] > APART_S]
+    out = []
+    for p in inside:
+        hands = (
+            any(0 <= p.begin - h.end <= 1 for h in by_hand),
+            any(0 <= h.begin - p.end <= 1 for h in by_hand),
+        )
+        flies = p.kind == FLIGHT and any(hands)
+        out.append(out_of_hand(time, height, pull, p, hands) if flies else p)
+    return out
 
 
 def _may_slide(recording: BodyRecording) -> bool:

@@ -17,6 +17,7 @@ FLAT = 0.15  # likewise, up to which it is a line
 CLIMB = 0.12  # [m/s] of height in contact: a support that is not quite as stated
 APIECE = 12.0  # cost of a piece [squared standard deviations]
 STRANGE = 8.0  # more for a parabola of another kind
+DROPPED = 2.0  # cost of a sample of a flight that is left to a hand
 PER_SAMPLE = 9.0  # cost of a sample that is neither
 LEAST = {FLIGHT: 5, CONTACT: 4}  # samples of a piece
 LOCAL_S = 0.06  # to either side, over which a cubic follows any motion
@@ -66,6 +67,42 @@ def find_phases(time: np.ndarray, height: np.ndarray, gravity: float) -> list[Mo
     return [
         p if p.kind != FLIGHT or _rises(time, p, gravity, noise) else replace(p, kind=NEITHER) for p in joined
     ]
+
+
+def out_of_hand(
+    time: np.ndarray, height: np.ndarray, gravity: float, flight: MotionPhase, hands: tuple[bool, bool]
+) -> MotionPhase:
+    """A flight without what is a hand's at its beginning and its end, where `hands` says that there is one.
+
+    Near a release hand and flight together may bend as a flight does. Poses at an end are dropped where a
+    cubic through all of it, which drag and turns hardly leave, misses them by more than the middle; then the
+    time for which gravity's bend g t^2 / 2, squared and summed over samples, costs less than a piece.
+    """
+    noise = float(np.hypot(rough_noise(time, height), SLACK))
+    step = float(np.median(np.diff(time)))
+    unseen = float((20.0 * APIECE * step * (noise / gravity) ** 2) ** 0.2)
+    begin, end = flight.begin, flight.end
+    quarter = (end - begin) // 4
+    if quarter < LEAST[FLIGHT]:
+        return flight
+    middle = slice(begin + quarter, end - quarter)
+    around = max(noise**2, _missed(time[middle], height[middle]) / max(end - begin - 2 * quarter - 4, 1))
+    if hands[0]:
+        cost = [_missed(time[b:end], height[b:end]) / around + DROPPED * (b - begin)
+                for b in range(begin, begin + quarter)]  # fmt: skip
+        begin += int(np.argmin(cost))
+    if hands[1]:
+        cost = [_missed(time[begin:e], height[begin:e]) / around + DROPPED * (end - e)
+                for e in range(end, end - quarter, -1)]  # fmt: skip
+        end -= int(np.argmin(cost))
+    first, last = time[begin] + hands[0] * unseen, time[end - 1] - hands[1] * unseen
+    return MotionPhase(FLIGHT, int(np.searchsorted(time, first)), int(np.searchsorted(time, last, "right")))
+
+
+def _missed(time: np.ndarray, values: np.ndarray) -> float:
+    """Sum of squares that a cubic leaves of values (N,)."""
+    basis = np.vander((time - time[0]) / max(float(np.ptp(time)), 1e-9), 4)
+    return float(np.sum((values - basis @ np.linalg.lstsq(basis, values, rcond=None)[0]) ** 2))
 
 
 def _rises(time: np.ndarray, flight: MotionPhase, gravity: float, noise: float) -> bool:

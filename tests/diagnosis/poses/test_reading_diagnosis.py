@@ -12,6 +12,7 @@ from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.diagnose import diagnose
 from samrl_core.diagnosis.export.recalibration import Recalibration
 from samrl_core.diagnosis.kinds.readings.readings import split_readings
+from samrl_core.diagnosis.residuals.readings.depth_pattern import find_depth_pattern
 from samrl_core.diagnosis.residuals.readings.time_pattern import find_time_pattern
 from samrl_core.diagnosis.result import Diagnosis
 from samrl_ros.log_import.formulas import evaluate
@@ -37,6 +38,16 @@ def depth(
     )
 
 
+def zones(swing: float = 0.0, mistaken: float = 0.0, seed: int = 0) -> ReadingRecording:
+    """Twenty readings of a coarse sensor at each of twelve distances, one of which may be stated wrongly."""
+    rng = np.random.default_rng(seed)
+    true = np.repeat(np.linspace(0.3, 1.6, 12), 20)
+    read = true + swing * np.sin(2 * np.pi * true / 0.38) + 0.004 * rng.standard_normal(len(true))
+    true[60:80] += mistaken
+    time = np.arange(len(true)) / 15
+    return ReadingRecording("zone", "made", f"{seed:064x}", "depth", "tof", time, read, true)
+
+
 def stamps(
     offset: float = 0.0, drift: float = 0.0, step: float = 0.0, seconds: float = 600.0, seed: int = 0
 ) -> ReadingRecording:
@@ -57,6 +68,15 @@ def told(recording: ReadingRecording) -> Diagnosis:
 def test_sensors_within_tolerances_have_no_gap(seed: int) -> None:
     assert told(depth(scale=2e-4, offset=-3e-4, seed=seed)).verdict == "no_gap"
     assert told(stamps(offset=3e-4, seed=seed)).verdict == "no_gap"
+
+
+def test_depth_that_swings_below_the_noise_of_a_reading_is_no_depth_without_a_gap() -> None:
+    """Twice the noise of a reading, it was within it; the median of twenty has a quarter of that."""
+    assert told(zones(swing=0.008)).verdict == "none_of_mine"
+    assert "no factor, offset and square" in find_depth_pattern([zones(swing=0.008)])
+    for seed in range(20):
+        assert not find_depth_pattern([zones(seed=seed)])
+    assert not find_depth_pattern([zones(mistaken=0.03)])  # a distance that was mistyped
 
 
 @pytest.mark.parametrize("scale", [0.01, -0.02, 0.005])

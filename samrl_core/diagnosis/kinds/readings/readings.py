@@ -19,6 +19,7 @@ from samrl_core.diagnosis.kinds.readings.reading_corrections import reading_reca
 from samrl_core.diagnosis.recordings.held_out import SHARE
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
+from samrl_core.diagnosis.residuals.readings.depth_pattern import find_depth_pattern
 from samrl_core.diagnosis.residuals.readings.reading_trial import SLOW, ReadingTrial, plateaus_of
 from samrl_core.diagnosis.residuals.readings.time_pattern import find_time_pattern
 from samrl_core.diagnosis.result import NextExperiment
@@ -105,15 +106,20 @@ class Readings(Kind[ReadingRecording]):
         ]
 
     def doubts_of(self, fitted: Likelihood, held_out: Likelihood) -> Doubts:
-        """Those of the fitted recordings, and what of the depth follows from time in all of a file."""
+        """Those of the fitted recordings, and what of all depth follows from time, or from no formula."""
         files: dict[tuple[str, str], list[ReadingRecording]] = {}
         for trial in (*fitted.trials, *held_out.trials):
             if isinstance(trial, ReadingTrial) and trial.recording.quantity == "depth":
                 files.setdefault((trial.recording.source, trial.recording.sha256), []).append(trial.recording)
-        drifts = cache(lambda: [found for parts in files.values() if (found := find_time_pattern(parts))])
+        every = [r for parts in files.values() for r in parts]
+
+        @cache
+        def patterns() -> list[str]:
+            drifts = [found for parts in files.values() if (found := find_time_pattern(parts))]
+            return drifts or ([found] if every and (found := find_depth_pattern(every)) else [])
 
         def doubts(evidence: Evidence, chosen: Fit | None, least: float) -> list[str]:
-            return self.doubts(evidence, chosen, least) or drifts()
+            return self.doubts(evidence, chosen, least) or patterns()
 
         return doubts
 

@@ -11,6 +11,7 @@ from samrl_core.cell.types.pose import Pose
 from samrl_core.cell.types.pose_recording import ArmPoses, PoseRecording
 from samrl_core.diagnosis.diagnose import DiagnosisSettings, diagnose
 from samrl_core.diagnosis.kinds.poses.poses import split_poses
+from samrl_core.diagnosis.residuals.poses.even_stamps import even_stamps
 from samrl_core.diagnosis.residuals.poses.noise import rounding, slow_level, stamp_jitter
 from samrl_core.diagnosis.result import Diagnosis
 from tests.diagnosis.poses.pose_worlds import (
@@ -88,12 +89,12 @@ def test_the_scatter_of_stamps_is_found_from_neighbours(jitter: float) -> None:
     assert found == pytest.approx(jitter, rel=0.4, abs=1e-9)
 
 
-def two_trackers(seed: int, decimal: float = 0.01) -> PoseRecording:
+def two_trackers(seed: int, decimal: float = 0.01, speed: float = SPEED) -> PoseRecording:
     """Trackers on one body at 33 Hz, each with noise of its own, whose stamps were rounded."""
     rng, tracks = np.random.default_rng(seed), []
     for begin in (0.0, 0.011):
         time = np.sort(begin + np.arange(0.3, 30.0, 0.0303) + 1e-3 * rng.standard_normal(981))
-        poses = flange(SPEED * time + 40.0 * seed, PoseWorld())
+        poses = flange(speed * time + 40.0 * seed, PoseWorld())
         if begin:
             poses = np.linalg.inv(poses @ CAMERA) @ TARGET
         poses[:, :3, 3] += 7e-4 * rng.standard_normal((len(time), 3))
@@ -112,6 +113,30 @@ def two_trackers(seed: int, decimal: float = 0.01) -> PoseRecording:
 def test_rounded_stamps_of_two_trackers_are_no_gap(seed: int) -> None:
     """Neighbours share readings, rounding lasts over them, and a rate of the raw track takes off noise."""
     assert told(two_trackers(seed)).verdict == "no_gap"
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("seed", range(2))
+def test_rounded_stamps_of_fast_trackers_are_no_gap(seed: int) -> None:
+    """At 3.5 rad/s a saw of 5 ms was a gap."""
+    assert told(two_trackers(seed, speed=1.5 * SPEED)).verdict == "no_gap"
+
+
+def test_stamps_of_an_even_rate_are_what_they_were_before_they_were_rounded() -> None:
+    """A saw of 5 ms that lasts a second was taken for noise of neighbours: fast trackers had a gap."""
+    rng = np.random.default_rng(2)
+    count = np.flatnonzero(rng.random(1300) > 0.1)
+    exact = 1.7e9 + 0.004 + count / 33.0 + 5e-4 * rng.standard_normal(len(count))
+    rounded = np.round(exact, 2)
+    assert np.std(rounded - exact) > 2.5e-3
+    found = even_stamps(rounded)
+    assert np.std(found - exact) < 7e-4 and abs(np.mean(found - exact)) < 3e-4
+    # Of 60 Hz three remainders are known of 10 ms, of 50 Hz one: where they lie within it is not.
+    for hertz in (60.0, 50.0):
+        few = np.round(1.7e9 + 0.004 + count / hertz, 2)
+        assert even_stamps(few) is few
+    scattered = np.round(np.sort(exact + 5e-3 * rng.standard_normal(len(count))), 2)
+    assert even_stamps(scattered) is scattered
 
 
 def test_rounded_stamps_are_told_by_neighbouring_steps() -> None:

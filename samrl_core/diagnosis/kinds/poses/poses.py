@@ -19,6 +19,7 @@ from samrl_core.diagnosis.kinds.poses.pose_corrections import recalibration
 from samrl_core.diagnosis.recordings.held_out import GAP_S, SHARE
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.observed import Observed
+from samrl_core.diagnosis.residuals.poses.even_stamps import with_even_stamps
 from samrl_core.diagnosis.residuals.poses.image_pattern import find_image_pattern
 from samrl_core.diagnosis.residuals.poses.pose_trial import PoseTrial
 from samrl_core.diagnosis.residuals.poses.seen_size import find_opening
@@ -53,7 +54,8 @@ class Poses(Kind[PoseRecording]):
                     f"{other.name} is of {_chain_of(other)}, {first.name} of {_chain_of(first)}; diagnose one"
                     " camera, target and pair of arms at a time"
                 )
-        return list(recordings), []
+        even = [with_even_stamps(r) for r in recordings]
+        return [r for r, _ in even], [note for _, note in even if note]
 
     def trials(
         self, fit: Sequence[PoseRecording], held_out: Sequence[PoseRecording]

@@ -109,3 +109,14 @@ def test_of_a_sensors_zones_the_middle_one_is_judged_and_zeros_are_none(tmp_path
     assert draft.sources["log"]["columns"]["reading"] == {"column": "zone_8", "empty": 0.0}
     assert draft.sources["log"]["missing"] == "drop_row"
     assert draft.questions and all("in the middle" in question for question in draft.questions)
+
+
+def test_of_two_sensors_beside_one_tape_it_is_asked_which(tmp_path: Path) -> None:
+    """`ToF` was `to` and `f`, and the ultrasonic sensor beside it was the reading, for sure."""
+    true, rng = distances(100.0), np.random.default_rng(0)
+    columns = {"Actual (cm)": true, "Ultrasonic (cm)": true + rng.normal(size=len(true)), "ToF (cm)": true}
+    path = log(tmp_path / "run.csv", **columns)
+    draft = drafted(path)
+    assert draft is not None and draft.readings["unit"] == "cm"
+    (question,) = draft.questions
+    assert "Ultrasonic (cm)" in question and "ToF (cm)" in question

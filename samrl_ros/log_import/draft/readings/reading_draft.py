@@ -23,6 +23,7 @@ from samrl_ros.log_import.table import Table
 
 DEPTH = frozenset("depth range tof lidar sonar ultrasonic realsense kinect".split())
 _SENSORS = re.compile(r"vl(?:53l|6180)\w*|hcsr04|hc[-_ ]sr04|gp2y\w*|d4[0-9]5i?", re.IGNORECASE)
+_LETTERS = re.compile(r"[a-z]+")
 _ZONE = re.compile(r"(.*?)[ _.\[(]*(\d+)[\])]?")  # zone_0, depth[12]
 ZONES = frozenset("zone zones pixel px spad beam cell roi depth range".split())
 LEAST_ZONES = 4  # columns of one name and a number
@@ -150,7 +151,8 @@ def _zones(names: Sequence[str]) -> list[str]:
 
 
 def _says_depth(name: str) -> bool:
-    return bool(set(words_in(name)) & DEPTH) or _SENSORS.search(name) is not None
+    as_written = set(_LETTERS.findall(name.lower()))  # `ToF` is one word, not `to` and `f`
+    return bool((set(words_in(name)) | as_written) & DEPTH) or _SENSORS.search(name) is not None
 
 
 def _says_measured_length(name: str) -> bool:

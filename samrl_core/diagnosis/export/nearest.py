@@ -68,7 +68,8 @@ def friction_torque(correction: Correction, joint: int) -> np.ndarray:
         return c.at(name, joint)
 
     level = float(c.friction[joint]) + at("coulomb") + at("load_friction") * load
-    level = level + at("stribeck_drop") * np.exp(-((speed / at("stribeck_velocity")) ** 2))
+    x, exponent = np.abs(speed) / at("stribeck_velocity"), at("stribeck_exponent")
+    level = level + at("stribeck_drop") * (np.exp(-(x**exponent)) if exponent else 1.0 / (1.0 + x**2))
     level = level + at("friction_harmonic_amplitude") * np.sin(
         at("friction_harmonic_order") * q + at("friction_harmonic_phase")
     )

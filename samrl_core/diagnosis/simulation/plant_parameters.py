@@ -31,7 +31,7 @@ class PlantParameters:
 
     A part that is not there at all has no derivative there: joint_stiffness at infinity, backlash at 0,
     presliding_stiffness at 0, mount_stiffness at infinity, effort_limit and effort_rate_limit where they do
-    not bind. encoder_resolution, hold_probability and seed never have one.
+    not bind. encoder_resolution, hold_probability and seed never have one, nor stribeck_exponent at 0.
 
     Raises:
         InputError: a value that is not finite (infinity is allowed where it is neutral), or below its bound.
@@ -73,8 +73,11 @@ class PlantParameters:
     )
     coulomb_velocity: Value = _joint(0.005, "rad/s", "smoothing of the sign", 0.0, True)
     viscous: Value = _joint(0.0, "N m s/rad", "friction += (nominal + viscous) dq")
-    stribeck_drop: Value = _joint(0.0, "N m", "L += drop exp(-(dq / stribeck_velocity)^2)")
+    stribeck_drop: Value = _joint(0.0, "N m", "L += drop exp(-|dq / stribeck_velocity|^stribeck_exponent)")
     stribeck_velocity: Value = _joint(0.1, "rad/s", "where stribeck_drop fades", 0.0, True)
+    stribeck_exponent: Value = _joint(
+        2.0, "1", "how steeply stribeck_drop fades; 0: drop / (1 + (dq / stribeck_velocity)^2)", 0.0
+    )
     load_friction: Value = _joint(0.0, "1", "L += load_friction |tau|")
     friction_asymmetry: Value = _joint(0.0, "N m", "friction += asymmetry tanh^2(dq / coulomb_velocity)")
     friction_harmonic_amplitude: Value = _joint(0.0, "N m", "L += A sin(order q + phase)")

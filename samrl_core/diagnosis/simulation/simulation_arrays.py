@@ -60,6 +60,7 @@ class P(enum.IntEnum):
     CABLE_FRICTION = 43
     DEAD_BAND = 44  # beyond the described one [rad]
     BACK_EMF = 45  # beyond the described one [N m s/rad]
+    STRIBECK_EXPONENT = 46
 
 
 class S(enum.IntEnum):

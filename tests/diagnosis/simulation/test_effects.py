@@ -3,16 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Any
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pytest
 
 from samrl_core.cell.robots.panda.spec import PANDA
+from samrl_core.diagnosis.effects.form import Place, Shape
+from samrl_core.diagnosis.effects.friction.stribeck_friction import (
+    ExponentialDrop,
+    FallingForm,
+    RationalDrop,
+)
 from samrl_core.diagnosis.simulation.closed_loop import ClosedLoop, Rollouts
 from samrl_core.diagnosis.simulation.loop_model import LoopModel
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters, joint_fields
 from tests.diagnosis.simulation.arms import of_spec, still, swing
+
+if TYPE_CHECKING:
+    from samrl_core.diagnosis.residuals.trial import Trial
 
 ARMATURE = np.full(7, 0.05)
 DURATION = 0.4
@@ -59,6 +69,7 @@ CASES: dict[str, Case] = {
     "viscous": _case("drive", viscous=0.5),
     "stribeck_drop": _case("drive", stribeck_drop=0.3),
     "stribeck_velocity": _case("drive", stribeck_drop=0.3, stribeck_velocity=0.3),
+    "stribeck_exponent": _case("drive", stribeck_drop=0.3, stribeck_exponent=1.0),
     "load_friction": _case("drive", load_friction=0.05),
     "friction_asymmetry": _case("drive", friction_asymmetry=0.1),
     "friction_harmonic_amplitude": _case(
@@ -182,3 +193,25 @@ def test_mount_swings_and_settles(loop: ClosedLoop) -> None:
     plant = PlantParameters(mount_stiffness=2e4, mount_damping=20.0, mount_inertia=1.0)
     run = loop.rollout(still(PANDA.home), PANDA.home, np.zeros(7), [plant], 0.3)
     assert np.abs(run.velocity).max() < 0.02
+
+
+@pytest.mark.parametrize(
+    ("made", "shape"),
+    [(ExponentialDrop, {"d": 1.0}), (ExponentialDrop, {"d": 2.0}), (RationalDrop, {})],
+    ids=["exp(-x)", "exp(-x^2)", "1 / (1 + x^2)"],
+)
+def test_a_drop_is_simulated_as_it_is_fitted(loop: ClosedLoop, made: type[FallingForm], shape: Shape) -> None:
+    """Each was simulated as exp(-x^2), which is flat at rest, where exp(-x) falls most steeply."""
+    amplitudes, shape = np.array([0.3, 0.6]), {"v": 0.005, "vs": 0.1, **shape}
+    form = made(name="", place=Place("", (JOINT,)), amplitudes=("Fc", "drop"), shapes=(shape,))
+    trial = cast("Trial", SimpleNamespace(joints=7, motion=SimpleNamespace()))
+    fields_of_it = form.plant_fields(trial, shape, amplitudes)
+    assert fields_of_it is not None
+    run = _run(loop, PlantParameters(**fields_of_it))
+    lost = run.commanded_effort[0, :-1] - run.effort[0, :-1]
+    lost = lost[:, JOINT] - ARMATURE[JOINT] * np.diff(run.velocity[0, :, JOINT]) / 0.001
+    trial.motion.sure_velocity = run.velocity[0, 1:]
+    turned = np.abs(run.velocity[0, 1:, JOINT]) > 0.02  # the sign's turn is linearised in each step
+    assert np.count_nonzero(turned) > 300
+    expected = amplitudes @ form.torque(trial, JOINT, shape)
+    np.testing.assert_allclose(lost[turned], expected[turned], atol=0.01)

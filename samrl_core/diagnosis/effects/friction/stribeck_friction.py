@@ -5,7 +5,6 @@ from __future__ import annotations
 from abc import abstractmethod
 
 import numpy as np
-from scipy.special import gamma
 
 from samrl_core.diagnosis.effects.drive_torque import (
     FAST,
@@ -76,10 +75,6 @@ class FallingForm(DriveForm):
     def fall(self, x: np.ndarray, shape: Shape) -> np.ndarray:
         """Share of the drop that is left at a speed over Stribeck's."""
 
-    @abstractmethod
-    def area(self, shape: Shape) -> float:
-        """Integral of the fall over x."""
-
     def torque(self, trial: Trial, joint: int, shape: Shape) -> np.ndarray:
         speed = trial.motion.sure_velocity[:, joint]
         sign = smooth_sign(speed, shape["v"])
@@ -96,13 +91,12 @@ class FallingForm(DriveForm):
         return {**found, "d": shape["d"]} if "d" in shape else found
 
     def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
-        # The simulator's drop is exp(-x^2); the others are given its width by their area.
-        wide = float(self.area(shape) / gamma(1.5))
         return {
             "coulomb": self.at_joints(trial, amplitudes[0]),
             "coulomb_velocity": self.at_joints(trial, shape["v"], 0.005),
             "stribeck_drop": self.at_joints(trial, amplitudes[1]),
-            "stribeck_velocity": self.at_joints(trial, shape["vs"] * wide, 0.1),
+            "stribeck_velocity": self.at_joints(trial, shape["vs"], 0.1),
+            "stribeck_exponent": self.at_joints(trial, shape.get("d", 0.0), 2.0),
         }
 
 
@@ -112,18 +106,12 @@ class ExponentialDrop(FallingForm):
     def fall(self, x: np.ndarray, shape: Shape) -> np.ndarray:
         return np.exp(-(x ** shape["d"]))
 
-    def area(self, shape: Shape) -> float:
-        return gamma(1.0 + 1.0 / shape["d"])
-
 
 class RationalDrop(FallingForm):
     """1 / (1 + x^2)."""
 
     def fall(self, x: np.ndarray, shape: Shape) -> np.ndarray:
         return 1.0 / (1.0 + x**2)
-
-    def area(self, shape: Shape) -> float:
-        return np.pi / 2.0
 
 
 EFFECT = StribeckFriction()

@@ -17,6 +17,7 @@ from samrl_core.diagnosis.simulation.kernels.kernel_slots import (
     P_LOAD_FRICTION,
     P_PRESLIDING_STIFFNESS,
     P_STRIBECK_DROP,
+    P_STRIBECK_EXPONENT,
     P_STRIBECK_VELOCITY,
     P_THERMAL_OFFSET,
     P_THERMAL_RATIO,
@@ -32,6 +33,22 @@ from samrl_core.diagnosis.simulation.simulation_arrays import Arrays, f64
 
 
 @wp.func
+def left_of_drop(v: f64, vs: f64, d: f64):
+    """Share of Stribeck's drop that is left at a velocity, and its derivative.
+
+    exp(-|v / vs|^d), or 1 / (1 + (v / vs)^2) where d is 0 (Hess and Soom 1990). What is fitted with one
+    exponent must not be simulated with another: how steeply friction falls from rest decides where it sticks.
+    """
+    if d == ZERO:
+        share = ONE / (ONE + v * v / (vs * vs))
+        return wp.vec2d(share, -f64(2.0) * v / (vs * vs) * share * share)
+    x = wp.abs(v) / vs + TINY
+    power = wp.pow(x, d)
+    share = wp.exp(-power)
+    return wp.vec2d(share, -d * power / x * share / vs * wp.sign(v))
+
+
+@wp.func
 def friction(
     a: Arrays, b: int, k: int, j: int, v: f64, q: f64, load: f64, bristle: f64, free: f64, inertia: f64
 ):
@@ -39,7 +56,7 @@ def friction(
 
     `free` is the next velocity were there no friction, `inertia` what the joint then feels.
 
-    Level: Fc + drop exp(-(v / vs)^2) + Kl |load| + A sin(N q + phase), times the warm-up's factor.
+    Level: Fc + drop exp(-|v / vs|^d) + Kl |load| + A sin(N q + phase), times the warm-up's factor.
     Dry: level tanh(v / vc) + asymmetry tanh^2(v / vc). Bristle: dz/dt = v - s0 |v| z / level, F = s0 z
     (C. Canudas de Wit et al., IEEE Trans. Automatic Control 40(3), 1995, with s1 = 0). Then viscous x v.
     """
@@ -61,7 +78,7 @@ def friction(
     # what friction takes, or creeping where it takes all.
     there = level
     if (flags & STRIBECK) != 0:
-        there = there + drop * wp.exp(-v * v / (vs * vs))
+        there = there + drop * left_of_drop(v, vs, a.params[b, j, P_STRIBECK_EXPONENT])[0]
     take = h * warm * wp.abs(there) / inertia
     beyond = wp.max(wp.abs(free) - take, ZERO)
     x = free / (ONE + take / wp.sqrt(vc * vc + beyond * beyond))
@@ -70,9 +87,9 @@ def friction(
     viscous = warm * a.params[b, j, P_VISCOUS]
     fall = ZERO
     if (flags & STRIBECK) != 0:
-        lift = drop * wp.exp(-x * x / (vs * vs))
-        level = level + lift
-        fall = -f64(2.0) * x / (vs * vs) * lift
+        left = left_of_drop(x, vs, a.params[b, j, P_STRIBECK_EXPONENT])
+        level = level + drop * left[0]
+        fall = drop * left[1]
     s = wp.tanh(x / vc)
     steep = (ONE - s * s) / vc
     asymmetry = a.params[b, j, P_FRICTION_ASYMMETRY]

@@ -87,6 +87,29 @@ def test_the_torque_tells_whether_an_impedance_damps_against_its_goals(against_g
     assert len(told) == against_goals
 
 
+@pytest.mark.parametrize("against_goals", [True, False])
+def test_a_late_command_hides_not_what_the_law_damps_against(against_goals: bool) -> None:
+    """Late by 0.45 D / K, the speed of goals looked like damping against zero: half the damping was named."""
+    made, full, late = without_speed(None), logged(), 0.45 * DAMPING / STIFFNESS
+    assert full.command is not None and full.command.position is not None
+    assert full.command.velocity is not None
+    sent, command = full.commanded_effort, full.command
+    assert sent is not None and sent.effort is not None
+
+    def of_command(time: np.ndarray, share: float) -> np.ndarray:
+        q, dq = (np.interp(time, command.time, x[:, 0]) for x in (command.position, command.velocity))
+        return (STIFFNESS * q + share * DAMPING * dq)[:, None]
+
+    effort = sent.effort - of_command(sent.time, 1.0) + of_command(sent.time - late, float(against_goals))
+    about = {
+        "joints": [JOINT], "stiffness": [STIFFNESS], "damping": [DAMPING], "gravity_compensation": False,
+        "period_s": PERIOD_S, "armature": [ROTOR],
+    }  # fmt: skip
+    arm = replace(made.arm, controller=JointImpedance().read(about, (JOINT,), "controller"))
+    made = replace(made, arm=arm, commanded_effort=replace(sent, effort=effort))
+    assert damps_against_goals(Trial(made, RigidArm(arm)).motion) == against_goals
+
+
 def test_it_is_said() -> None:
     kind = Arms()
     (told,) = [

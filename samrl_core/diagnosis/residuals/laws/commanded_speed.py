@@ -15,6 +15,7 @@ from samrl_core.diagnosis.residuals.signals.sample_times import SampleTimes
 
 SHARE = "velocity_feedforward"  # key of kinds that may feed the commanded velocity forward
 CLEARLY = 0.25  # of the recorded torque's power that the other law leaves unexplained
+LATE_S = tuple(0.005 * k for k in range(11))  # delays of the command at which each law is tried
 
 
 class Tracked(Protocol):
@@ -69,20 +70,29 @@ def _may_damp_against_goals(recording: ArmRecording) -> bool:
 def damps_against_goals(motion: Tracked) -> bool:
     """Whether an impedance law damps against the speed of goals that were logged without it.
 
-    Some damp against zero, as libfranka's examples do: the recorded torque tells which, if clearly.
+    Some damp against zero, as libfranka's examples do: the recorded torque tells which, if clearly. Each law
+    is compared with its command as late as suits it: a delay T takes K T dq from the torque, damping against
+    zero D dq, so a late command looks like the other law with a wrong damping.
     """
     command = motion.recording.command
     # The recording first: without a recorded torque what is asked for is made by the command, which asks us.
     if command is None or not _may_damp_against_goals(motion.recording) or motion.asked is None:
         return False
+    against_zero = _least_left(motion, command)
+    return _least_left(motion, with_goals_speed(motion, command)) < CLEARLY * against_zero
+
+
+def _least_left(motion: Tracked, command: JointSignal) -> float:
+    """Power of the recorded torque that the law leaves, with its command as late as suits it best."""
     limit, left = motion.limit(), []
-    for each in (command, with_goals_speed(motion, command)):
-        tracked = motion.as_tracked(each)
+    assert motion.asked is not None
+    for late in LATE_S:
+        tracked = motion.as_tracked(replace(command, time=command.time + late))
         if tracked is None:
-            return False
+            return np.inf
         law = np.clip(motion.law(tracked).total, -limit, limit)
         left.append(float(np.mean((law - motion.asked) ** 2)))
-    return left[1] < CLEARLY * left[0]
+    return min(left)
 
 
 def with_goals_speed(motion: Tracked, command: JointSignal) -> JointSignal:

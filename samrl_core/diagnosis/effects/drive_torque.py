@@ -22,6 +22,7 @@ TRAVEL_UNITS = 3.0  # of a slide's travel: each counts as a radian
 RIPPLES = 15.0  # [1/rad] order of a turning joint from which on a torque that repeats is called ripple
 REPEATED = 3.0  # periods within a slide's travel, likewise
 BEYOND = 3.0  # tolerances; a background of twice the tolerances is none
+LEAST_BEND = 1.5e-4  # [rad] that encoders of arms resolve
 
 
 class DriveEffect(Effect):
@@ -53,6 +54,14 @@ class DriveForm(Form):
         """Centred on no effect."""
         spread = np.concatenate([self.spread(trial, j, shape) for j in self.place.joints])
         return np.zeros(len(spread)), spread
+
+
+def least_bend(trial: Trial, joints: tuple[int, ...]) -> float:
+    """Distance [rad] over which a friction must build up to be told from one that jumps.
+
+    Less than a step of the encoder is not seen: sizes of steps within which a reading stays as it is.
+    """
+    return max(LEAST_BEND, float(np.max(trial.motion.reading_step[list(joints)], initial=0.0)))
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ from tests.diagnosis.worlds import TURN
 
 Law = Callable[[np.ndarray, np.ndarray], np.ndarray]  # position [rad], velocity [rad/s] -> lost torque [N m]
 PLACE = Place("joint:turn", (TURN,))
+DRY = ("coulomb_friction", "presliding")
 
 
 def losing(recording: ArmRecording, law: Law) -> ArmRecording:
@@ -127,6 +128,21 @@ def test_a_slow_machine_is_searched_with_a_wide_turn_too() -> None:
     trial = worlds.trials(worlds.world(1, "A"))[0]
     trial.fastest = np.full(3, 1.0)
     assert usual_turns(trial, (0,)) == pytest.approx((0.005, 0.06))
+
+
+@pytest.mark.parametrize("step", [0.0, 1.5e-3, 0.05])
+def test_a_friction_that_builds_up_within_a_step_of_the_encoder_is_coulombs(step: float) -> None:
+    """A servo of 4096 steps a turn had Coulomb friction; it was named presliding, over 0.4 of a step."""
+    trial = worlds.trials(worlds.world(1, "A"))[0]
+    trial.motion.reading_step = np.full(3, step)
+    coulomb, presliding = (e.forms(trial, Place.find(trial, PLACE.name)) for e in library(DRY))
+    (stiff,) = (f for f in coulomb if f.name == "stiff bristle")
+    border = max(step, 1.5e-4)
+    assert stiff.refine["xs"][1] == border
+    assert bool(presliding) == (border < 0.02)
+    for form in presliding:
+        assert form.refine["xs"][0] == border
+        assert all(border < shape["xs"] < form.refine["xs"][1] for shape in form.shapes)
 
 
 def test_what_begins_is_searched_in_all_its_forms() -> None:

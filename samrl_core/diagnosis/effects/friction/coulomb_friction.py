@@ -12,6 +12,7 @@ from samrl_core.diagnosis.effects.drive_torque import (
     ShaftForm,
     are_positive,
     are_possible,
+    least_bend,
     name_sizes,
     track_joints,
     turn_widths,
@@ -33,6 +34,7 @@ from samrl_core.diagnosis.residuals.trial import Trial
 
 LEAST_ANGLE = 0.001  # [rad] parked short, from which a joint counts
 STIFF = (3e-5, 1e-4)  # [rad] presliding distances below what encoders of arms resolve
+WITHIN_A_STEP = 0.4  # of a coarse encoder's step, a further one
 TAILS = (0.8, 4.0)  # exponents of a sign that saturates slowly: below, it is no level; above, it is a clip
 FIRST_TAIL = 1.3
 TAIL_WIDTH = 0.25  # of the widest turn of a tanh: p = 1 nears nine tenths of its level at nine widths
@@ -83,7 +85,8 @@ class CoulombFriction(DriveEffect):
                 trial
             )
         grid = tuple({"v": v} for v in turn_widths(widest))
-        limits, stiff = {"v": (5e-4, widest)}, tuple({"xs": x} for x in STIFF)
+        limits, bend = {"v": (5e-4, widest)}, least_bend(trial, place.joints)
+        stiff = tuple({"xs": x} for x in sorted({*STIFF, max(WITHIN_A_STEP * bend, STIFF[-1])}))
         return (
             SmoothSign(name="smooth", place=place, amplitudes=("Fc",), shapes=grid, refine=limits),
             # Another turn than a tanh's costs more than it seems: tolerated frictions of several widths mend
@@ -100,7 +103,7 @@ class CoulombFriction(DriveEffect):
                 place=place,
                 amplitudes=("Fc",),
                 shapes=stiff,
-                refine={"xs": (1e-5, 1.5e-4)},
+                refine={"xs": (1e-5, bend)},
             ),
         )
 

@@ -6,13 +6,14 @@ from abc import abstractmethod
 
 import numpy as np
 
-from samrl_core.diagnosis.effects.drive_torque import DriveEffect, DriveForm
+from samrl_core.diagnosis.effects.drive_torque import DriveEffect, DriveForm, least_bend
 from samrl_core.diagnosis.effects.effect import Parameter
 from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.residuals.basis_functions import bristle, play, travel
 from samrl_core.diagnosis.residuals.motion import RecordedMotion
 from samrl_core.diagnosis.residuals.trial import Trial
 
+LONGEST = 0.03  # [rad] over which a friction builds up
 YIELDS = (0.25, 0.75, 1.25, 1.75)  # of xs: springs of equal strength that yield at evenly spread twists
 
 
@@ -43,15 +44,21 @@ class Presliding(DriveEffect):
     )
 
     def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
-        limits = {"xs": (1.5e-4, 0.03)}
-        soft = tuple({"xs": x} for x in (2e-4, 6e-4, 2e-3, 6e-3))
+        least = least_bend(trial, place.joints)  # below it, it is Coulomb's stiff bristle
+        limits = {"xs": (least, LONGEST)}
+        soft, softer = (
+            tuple({"xs": x} for x in grid if least < x) or ({"xs": 1.5 * least},)
+            for grid in ((2e-4, 6e-4, 2e-3, 6e-3), (1e-3, 6e-3))
+        )
+        if 1.5 * least >= LONGEST:
+            return ()
         return (
             DahlBristle(place=place, amplitudes=("Fc",), shapes=soft, refine=limits),
             MaxwellSlip(
                 name="Maxwell slip",
                 place=place,
                 amplitudes=("Fc",),
-                shapes=tuple({"xs": x} for x in (1e-3, 6e-3)),
+                shapes=softer,
                 refine=limits,
             ),
         )

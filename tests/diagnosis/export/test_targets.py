@@ -237,7 +237,8 @@ def test_every_field_is_written_or_spoken_of(found: Correction) -> None:
         "effort_limit",
     }
     of_another_field = {  # spoken of with the field that they belong to
-        "coulomb_velocity", "stribeck_velocity", "friction_harmonic_order", "friction_harmonic_phase",
+        "coulomb_velocity", "stribeck_velocity", "stribeck_exponent", "friction_harmonic_order",
+        "friction_harmonic_phase",
         "thermal_time", "thermal_offset", "cable_rest", "encoder_phase", "joint_damping", "hysteresis_torque",
         "harmonic_order", "harmonic_phase", "encoder_resolution",
     }  # fmt: skip

@@ -38,11 +38,12 @@ def depth(
     )
 
 
-def zones(swing: float = 0.0, mistaken: float = 0.0, seed: int = 0) -> ReadingRecording:
+def zones(swing: float = 0.0, mistaken: float = 0.0, scale: float = 0.0, seed: int = 0) -> ReadingRecording:
     """Twenty readings of a coarse sensor at each of twelve distances, one of which may be stated wrongly."""
     rng = np.random.default_rng(seed)
     true = np.repeat(np.linspace(0.3, 1.6, 12), 20)
     read = true + swing * np.sin(2 * np.pi * true / 0.38) + 0.004 * rng.standard_normal(len(true))
+    read += scale * true
     true[60:80] += mistaken
     time = np.arange(len(true)) / 15
     return ReadingRecording("zone", "made", f"{seed:064x}", "depth", "tof", time, read, true)
@@ -77,6 +78,12 @@ def test_depth_that_swings_below_the_noise_of_a_reading_is_no_depth_without_a_ga
     for seed in range(20):
         assert not find_depth_pattern([zones(seed=seed)])
     assert not find_depth_pattern([zones(mistaken=0.03)])  # a distance that was mistyped
+
+
+def test_a_factor_of_depth_is_named_though_depth_swings_a_little_beside_it() -> None:
+    """The swing is sure, and 4 % of what depth is off by."""
+    d = told(zones(scale=0.03, swing=0.008))
+    assert d.verdict == "effect" and d.effects[0].name == "depth_scale@sensor:tof"
 
 
 @pytest.mark.parametrize("scale", [0.01, -0.02, 0.005])

@@ -18,6 +18,7 @@ ALIKE = 1e-3  # of a distance, by which two are one
 LEAST_DISTANCES = 7  # four more than the formula has numbers; one of them may be mistaken
 CHANCE = 1e-6  # that noise and stated errors of the planes leave as much
 LARGE = 3.0  # times the stated lasting error of the depth
+BESIDE = 0.1  # of the squares of what depth is off by: less is a smaller effect beside what has a formula
 OF_MEDIAN = 1.2533 * 1.4826  # deviation of a median by the median absolute deviation of one value
 
 
@@ -51,7 +52,8 @@ def find_depth_pattern(recordings: Sequence[ReadingRecording]) -> str:
     worst = int(np.argmax(np.abs(left / sigma)))
     others = np.arange(len(at)) != worst
     within = np.abs(left[worst]) < LARGE * stated.depth_pattern * at[worst]
-    if within or not _is_sure(_left(at[others], off[others], sigma[others]) / sigma[others]):
+    beside = np.sum((left / sigma) ** 2) < BESIDE * np.sum((off / sigma) ** 2)
+    if within or beside or not _is_sure(_left(at[others], off[others], sigma[others]) / sigma[others]):
         return ""
     return (
         f"at {len(at)} distances depth is off by what no factor, offset and square follow, as at"

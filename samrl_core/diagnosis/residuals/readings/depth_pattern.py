@@ -19,6 +19,7 @@ LEAST_DISTANCES = 7  # four more than the formula has numbers; one of them may b
 CHANCE = 1e-6  # that noise and stated errors of the planes leave as much
 LARGE = 3.0  # times the stated lasting error of the depth
 BESIDE = 0.1  # of the squares of what depth is off by: less is a smaller effect beside what has a formula
+PLANE_M = 1e-3  # by which a plane may stand beside where a tape says it does, half width
 OF_MEDIAN = 1.2533 * 1.4826  # deviation of a median by the median absolute deviation of one value
 
 
@@ -47,7 +48,8 @@ def find_depth_pattern(recordings: Sequence[ReadingRecording]) -> str:
     scatter = np.array([np.median(np.abs(error[g] - o)) for g, o in zip(groups, off, strict=True)])
     spread = OF_MEDIAN * scatter * np.sqrt(SLOW / np.array([len(g) for g in groups]))
     stated = recordings[0].tolerances
-    sigma = np.hypot(spread, stated.deviation * stated.depth_pattern * at)
+    lasting = stated.deviation * np.hypot(stated.depth_pattern * at, PLANE_M)
+    sigma = np.hypot(spread, lasting)
     left = _left(at, off, sigma)
     worst = int(np.argmax(np.abs(left / sigma)))
     others = np.arange(len(at)) != worst

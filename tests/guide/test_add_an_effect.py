@@ -59,9 +59,14 @@ def follow(copy: Path) -> list[str]:
     return touched
 
 
+def next_number() -> int:
+    """The first number in the catalogue that no family has."""
+    return max(family.number for family in FAMILIES.values()) + 1
+
+
 def test_the_recipe_takes_the_next_number_and_the_last_lines() -> None:
     """The page's number was taken by a later effect, and its lines stood above the last ones."""
-    following = max(family.number for family in FAMILIES.values()) + 1
+    following = next_number()
     files = {name: text for kind, name, text in blocks("add_an_effect.md", "python", "diff")}
     effect, disturbance = (text for name, text in files.items() if name.endswith("fan_drag.py"))
     assert f'"fan_drag", {following}, "Fan drag"' in effect and effect.startswith(f'"""{following}: ')
@@ -98,4 +103,4 @@ def test_the_recipe_adds_an_effect_that_is_named_and_explained(tmp_path: Path) -
     assert "Fan drag at joint panda_joint2 causes the gap" in page
     assert "take the fan off" in page
     assert done.stdout.startswith("CAUSE FOUND: Fan drag at joint panda_joint2 causes the gap.")
-    assert "53 fan_drag: Fan drag" in done.stdout
+    assert f"{next_number()} fan_drag: Fan drag" in done.stdout

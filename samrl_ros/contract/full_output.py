@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import errno
 import io
 import sys
 from typing import TextIO
-
-# As of `samrl_core.common.files`, which takes longer to import.
-_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 class _Lossy(io.FileIO):
@@ -21,7 +17,9 @@ class _Lossy(io.FileIO):
         try:
             return super().write(content)
         except OSError as error:
-            if error.errno not in _NO_ROOM:
+            from samrl_core.common.files import NO_ROOM
+
+            if error.errno not in NO_ROOM:
                 raise
             self.lost = self.lost or error
             return memoryview(content).nbytes

@@ -174,7 +174,7 @@ def _track(spec: BodyRecordingSpec, track: BodyTrackSpec, source: SourceData) ->
 
 def _describe(recording: BodyRecording) -> tuple[list[str], list[str]]:
     """What the track becomes, and notes of what is left out."""
-    track, found = recording.track, find_segments(recording, 0)
+    track, found = recording.track, find_segments(recording)
     rate = 1.0 / float(np.median(np.diff(track.time)))
     turns = f", turns about {track.turns}" if track.turns else ", no turns"
     lines = [f"{len(track)} poses at {rate:.4g} Hz, {recording.duration:.3f} s; {track.axes}{turns}"]

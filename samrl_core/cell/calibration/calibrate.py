@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -75,19 +76,19 @@ def calibrate(pairs_file: Path, hand_eye: Path | None) -> CalibratedPose:
         SolveError: the pairs contradict each other.
     """
     recorded = read_recorded(pairs_file)
-    if isinstance(recorded, HandEyeFile) and hand_eye is not None:
-        raise InputError(f"{pairs_file} is for hand-eye calibration, which takes no --hand-eye")
-    if isinstance(recorded, BaseFile) and hand_eye is None:
+    if isinstance(recorded, HandEyeFile):
+        if hand_eye is not None:
+            raise InputError(f"{pairs_file} is for hand-eye calibration, which takes no --hand-eye")
+        solve = partial(_camera, recorded)
+    elif hand_eye is None:
         raise InputError(
             f"{pairs_file} is for base-to-base calibration: give --hand-eye FILE, the result of a "
             "hand-eye calibration"
         )
-    known = read_hand_eye(hand_eye) if hand_eye is not None else None
+    else:
+        solve = partial(_base, recorded, read_hand_eye(hand_eye))
     try:
-        if isinstance(recorded, HandEyeFile):
-            return _camera(recorded)
-        assert known is not None
-        return _base(recorded, known)
+        return solve()
     except (InputError, SolveError) as error:
         raise type(error)(f"{pairs_file}: {error}") from error
 

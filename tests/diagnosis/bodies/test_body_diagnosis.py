@@ -266,7 +266,7 @@ def test_a_toss_without_a_support_leaves_the_hand_out() -> None:
     whole = replace(
         track, time=np.arange(40 + len(track)) / 120.0, position=np.concatenate([held, track.position])
     )
-    (segment,) = find_segments(replace(recording, track=whole), 0).segments
+    (segment,) = find_segments(replace(recording, track=whole)).segments
     assert segment.kind == "flight" and abs(segment.time[0] - 40 / 120.0) < 0.03
 
 

@@ -45,13 +45,13 @@ class Presliding(DriveEffect):
 
     def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
         least = least_bend(trial, place.joints)  # below it, it is Coulomb's stiff bristle
+        if 1.5 * least >= LONGEST:
+            return ()
         limits = {"xs": (least, LONGEST)}
         soft, softer = (
             tuple({"xs": x} for x in grid if least < x) or ({"xs": 1.5 * least},)
             for grid in ((2e-4, 6e-4, 2e-3, 6e-3), (1e-3, 6e-3))
         )
-        if 1.5 * least >= LONGEST:
-            return ()
         return (
             DahlBristle(place=place, amplitudes=("Fc",), shapes=soft, refine=limits),
             MaxwellSlip(

@@ -42,7 +42,7 @@ def next_bodies(
     pair = " and ".join(names)
     scored = []
     for kind, recordings in _candidates(trial, seed).items():
-        found = [find_segments(r, k) for k, r in enumerate(recordings)]
+        found = [find_segments(r).of(k) for k, r in enumerate(recordings)]
         channels = channels_of(recordings, found)
         if channels:
             (made,) = body_trials([recordings], [found], trial.constants, channels, 1)

@@ -57,7 +57,7 @@ class Found:
     strays: int = 0  # poses that are none of the body
 
     def of(self, recording: int) -> Found:
-        """The same as of another place in a trial."""
+        """The same, of the recording with that index among those of its trial."""
         return replace(
             self,
             segments=tuple(replace(s, recording=recording) for s in self.segments),
@@ -65,8 +65,8 @@ class Found:
         )
 
 
-def find_segments(recording: BodyRecording, index: int = 0) -> Found:
-    """Everything of one recording; `index` is its place in the trial."""
+def find_segments(recording: BodyRecording) -> Found:
+    """Everything of one recording, as of a trial that holds it alone."""
     held = held_poses(recording.track)
     recording = replace(recording, track=recording.track.only(~held))
     stray = stray_poses(
@@ -96,10 +96,10 @@ def find_segments(recording: BodyRecording, index: int = 0) -> Found:
             continue
         for part in parts:
             for rows in _without_jumps(time, center, part):
-                made = _segment(recording, index, phase.kind, rows, center, turned)
+                made = _segment(recording, phase.kind, rows, center, turned)
                 if made is not None:
                     segments.append(made)
-    impacts = _impacts(recording, index, center, seen, phases)
+    impacts = _impacts(recording, center, seen, phases)
     used = sum(len(s) for s in segments)
     notes = []
     if held.any():
@@ -207,7 +207,7 @@ def _up(recording: BodyRecording) -> np.ndarray:
 
 
 def _segment(
-    recording: BodyRecording, index: int, kind: str, rows: np.ndarray, center: np.ndarray, turned: np.ndarray
+    recording: BodyRecording, kind: str, rows: np.ndarray, center: np.ndarray, turned: np.ndarray
 ) -> Segment | None:
     name = "flight" if kind == FLIGHT else "slide"
     time = recording.track.time[rows]
@@ -222,7 +222,7 @@ def _segment(
         direction = along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
         share = 1.0 / (1.0 + recording.body.rolling) if recording.support.rolls else 1.0
     return Segment(
-        name, index, time, center[rows], velocity, turned[rows], normal,
+        name, 0, time, center[rows], velocity, turned[rows], normal,
         np.asarray(recording.gravity, dtype=float), direction, share,
     )  # fmt: skip
 
@@ -318,7 +318,7 @@ def _runs(mask: np.ndarray) -> list[np.ndarray]:
 
 
 def _impacts(
-    recording: BodyRecording, index: int, center: np.ndarray, seen: np.ndarray, phases: list[MotionPhase]
+    recording: BodyRecording, center: np.ndarray, seen: np.ndarray, phases: list[MotionPhase]
 ) -> tuple[Impact, ...]:
     """Rebounds of what is round or a point: of a box it depends on which corner hits."""
     support = recording.support
@@ -349,5 +349,5 @@ def _impacts(
         before, after = (float(rate @ y) for rate, (_, y) in zip(rates, fits, strict=True))
         if before < -0.1 and after > 0.05:
             spreads = [float(np.linalg.norm(rate)) for rate in rates]
-            out.append(Impact(index, middle + hit, before, after, *spreads))
+            out.append(Impact(0, middle + hit, before, after, *spreads))
     return tuple(out)

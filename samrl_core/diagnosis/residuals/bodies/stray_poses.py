@@ -27,7 +27,7 @@ def held_poses(track: BodyTrack) -> np.ndarray:
     """
     poses = np.hstack([track.position, track.quat_xyzw]) if len(track.quat_xyzw) else track.position
     same = np.concatenate([[False], np.all(poses[1:] == poses[:-1], axis=1)])
-    if not same.any() or same.all():
+    if not same.any():
         return np.zeros(len(track), dtype=bool)
     steps = np.abs(np.diff(track.position, axis=0))
     digit = np.min(steps, axis=0, initial=np.inf, where=steps > 0)

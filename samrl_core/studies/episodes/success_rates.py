@@ -20,6 +20,8 @@ from samrl_core.common.statistics import Share, bootstrap_interval, mcnemar_p
 from samrl_core.studies.episodes.stopwatch import GROUPS
 from samrl_core.studies.experiment import Case
 
+BAR = "#7ba7d7"
+
 
 def rates(cases: Sequence[Case]) -> dict[str, Any]:
     """Figures of one condition; medians unless named otherwise.
@@ -67,33 +69,35 @@ def compared(cases: Sequence[Case], others: Sequence[Case]) -> dict[str, Any]:
 
 
 def write_bars(summary: dict[str, dict[str, dict[str, Any]]], title: str, path: Path) -> None:
-    """A picture of `rates` by task and condition: bars of success with Wilson intervals.
+    """A picture of `rates` by task and condition: a panel for each task, bars with Wilson intervals.
 
-    Bars of one task have their names below, as a bar of no height shows no colour.
+    Every bar has its name and its count beside it, as one of no length shows no colour.
     """
-    names = list(dict.fromkeys(name for of_task in summary.values() for name in of_task))
-    figure, axis = plt.subplots(figsize=(2.5 + 3.2 * len(summary), 4.2), layout="constrained")
-    width = 0.85 / len(names)
-    for k, name in enumerate(names):
-        found = [(x, of_task[name]) for x, of_task in enumerate(summary.values()) if name in of_task]
-        positions = [x + (k - (len(names) - 1) / 2) * width for x, _ in found]
-        share = 100 * np.array([row["value"] for _, row in found])
-        ends = 100 * np.array([row["ci95"] for _, row in found])
+    heights = [len(of_task) + 1.2 for of_task in summary.values()]
+    figure, panels = plt.subplots(
+        len(summary),
+        squeeze=False,
+        sharex=True,
+        figsize=(7.2, 0.9 + 0.27 * sum(heights)),
+        height_ratios=heights,
+        layout="constrained",
+    )
+    for axis, (task, of_task) in zip(panels[:, 0], summary.items(), strict=True):
+        rows = list(of_task.values())
+        places = np.arange(len(rows))
+        share = 100 * np.array([row["value"] for row in rows])
+        ends = 100 * np.array([row["ci95"] for row in rows])
         errors = np.clip(np.stack([share - ends[:, 0], ends[:, 1] - share]), 0.0, None)
-        axis.bar(positions, share, 0.92 * width, yerr=errors, capsize=2, label=name.replace("_", " "))
-        for position, row in zip(positions, (row for _, row in found), strict=True):
-            axis.annotate(
-                f"n={row['trials']}", (position, 1), rotation=90, ha="center", va="bottom", fontsize=6
-            )
-    axis.set(ylim=(0, 105), ylabel="success by truth [%], 95 % intervals", title=title)
-    if len(summary) == 1:
-        below = (np.arange(len(names)) - (len(names) - 1) / 2) * width
-        labels = [name.replace("_", " ") for name in names]
-        axis.set_xticks(below, labels, rotation=30, ha="right", fontsize=8)
-        axis.set_xlabel(next(iter(summary)).replace("_", " "))
-    else:
-        axis.set_xticks(range(len(summary)), [task.replace("_", " ") for task in summary])
-        axis.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
+        axis.barh(places, share, 0.75, xerr=errors, capsize=2, color=BAR, ecolor="0.25")
+        axis.set_yticks(places, [name.replace("_", " ") for name in of_task], fontsize=8)
+        for place, row in zip(places, rows, strict=True):
+            counted = f"{row['successes']} of {row['trials']}"
+            axis.annotate(counted, (103, place), va="center", fontsize=8, annotation_clip=False)
+        axis.invert_yaxis()
+        axis.set_title(task.replace("_", " "), fontsize=9, loc="left")
+        axis.spines[["top", "right"]].set_visible(False)
+    panels[-1, 0].set(xlim=(0, 102), xlabel="success by truth [%], 95 % intervals")
+    figure.suptitle(title, fontsize="medium")
     save_figure(figure, path, dpi=110)
     plt.close(figure)
 

@@ -16,9 +16,10 @@ from samrl_core.cell.types.arm_description import HELD, ArmController
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.diagnosis.residuals.laws import commanded_speed
 from samrl_core.diagnosis.residuals.laws.control_law import LawTerms, held_values, law_terms
+from samrl_core.diagnosis.residuals.laws.tracked_command import track_command
 from samrl_core.diagnosis.residuals.signals.low_pass import find_any_filter, find_offline_filter
 from samrl_core.diagnosis.residuals.signals.sample_times import SampleTimes, sample_times
-from samrl_core.diagnosis.residuals.signals.signal_band import SignalBand, held_on_grid, nearest, onto_grid
+from samrl_core.diagnosis.residuals.signals.signal_band import SignalBand, nearest, onto_grid
 from samrl_core.diagnosis.residuals.signals.signal_noise import (
     Noise,
     Reading,
@@ -51,8 +52,8 @@ class RecordedMotion(SignalBand):
         """Resample and filter; `start_s` is the time since the first recording's start (for slow drifts)."""
         self.recording, self.arm, self.start_s = recording, arm, start_s
         states = without_filtered_rate(without_differences(recording.states), DIFFERENCED_HZ)
-        self._taken = sample_times(states.time, states.position, states.velocity, states.filtered_velocity)
-        ticks = self._taken.ticks
+        self.taken = sample_times(states.time, states.position, states.velocity, states.filtered_velocity)
+        ticks = self.taken.ticks
         period = float(np.median(np.diff(ticks)))
         stride = max(1, round(1.0 / (period * MAX_RATE_HZ)))
         rate = 1.0 / (period * stride)
@@ -64,14 +65,14 @@ class RecordedMotion(SignalBand):
         self.joints = len(recording.arm.joints)
         self.time = np.arange(ticks[0], ticks[-1] + 0.5 / rate, 1.0 / rate)
         self.raw_position, self.raw_velocity, self.raw_effort, self.filtered_velocity = (
-            onto_grid(self._taken, x, self.time, self.holds_commands)
+            onto_grid(self.taken, x, self.time, self.holds_commands)
             for x in (states.position, states.velocity, states.effort, states.filtered_velocity)
         )
         position = self.raw_position
         if position is None or states.position is None:
             raise ValueError(f"{recording.name} has no positions")
         self.reading_step = quantum(states.position)  # (J,) of the log's own grid
-        read = states.position[nearest(self._taken.time, self.time)]
+        read = states.position[nearest(self.taken.time, self.time)]
         self.kept = np.diff(read, axis=0, prepend=np.nan) == 0.0  # (F, J) readings of the sample before
         self.full_position = self.smooth(position)
         if self.raw_velocity is not None:
@@ -117,40 +118,28 @@ class RecordedMotion(SignalBand):
         return self.recording.commanded_effort is not None or self.recording.states.effort is not None
 
     @cached_property
-    def command(self) -> JointSignal | None:
-        """What the controller tracked, on the full-rate grid; None where no command was recorded."""
+    def told(self) -> JointSignal | None:
+        """The command as it was recorded, with its goals' speed where the law uses that; None without one."""
         command = self.recording.command
         if command is None or len(command) < 2:
             return None
         if is_difference(command) or commanded_speed.is_goals_own(self):
             command = commanded_speed.with_goals_speed(self, command)
-        return self.as_tracked(command)
+        return command
 
-    def as_tracked(self, command: JointSignal) -> JointSignal | None:
-        """A command on the full-rate grid; what it lacks is zero."""
-        position, velocity, effort = (
-            self._tracked(command.time, x) for x in (command.position, command.velocity, command.effort)
-        )
-        if position is None:
-            if command.velocity is None or self.controller is None or np.any(self.controller.stiffness > 0):
-                return None
-            position = np.zeros_like(self.raw_position)  # a speed loop is told no position
-        zero = np.zeros_like(self.raw_position)
-        velocity, effort = (zero if x is None else x for x in (velocity, effort))
-        return JointSignal(self.time, position, velocity, None, effort)
+    @cached_property
+    def command(self) -> JointSignal | None:
+        """What the controller tracked, on the full-rate grid; None where no command was recorded."""
+        return None if self.told is None else self.as_tracked(self.told)
+
+    def as_tracked(self, command: JointSignal, late: float = 0.0) -> JointSignal | None:
+        """A command on the full-rate grid, `late` [s] after its stamps; what it lacks is zero."""
+        return track_command(self, command, late)
 
     @property
     def holds_commands(self) -> bool:
         """Whether the described controller keeps each command until the next one."""
         return self.controller is not None and self.controller.between_commands == HELD
-
-    def _tracked(self, time: np.ndarray, values: np.ndarray | None) -> np.ndarray | None:
-        """A command's part (F, J) as the controller follows it between two stamps."""
-        if not self.holds_commands:
-            return None if values is None else onto_grid(self.times_of(time, values), values, self.time)
-        # Beside a recorded torque the law is read at its sample.
-        mean = self.recording.commanded_effort is None and self.raw_effort is None
-        return held_on_grid(time, values, self.time, mean)
 
     @property
     def controller(self) -> ArmController | None:
@@ -393,4 +382,4 @@ class RecordedMotion(SignalBand):
 
     def times_of(self, time: np.ndarray, values: np.ndarray) -> SampleTimes:
         """When the samples of a channel were taken: with the states, where its stamps are theirs."""
-        return self._taken if np.array_equal(time, self.recording.states.time) else sample_times(time, values)
+        return self.taken if np.array_equal(time, self.recording.states.time) else sample_times(time, values)

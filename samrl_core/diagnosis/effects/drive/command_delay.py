@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
+from samrl_core.cell.types.arm_recording import JointSignal
 from samrl_core.diagnosis.effects.drive.late_response import (
     LateForm,
     LateResponse,
@@ -17,6 +19,7 @@ from samrl_core.diagnosis.effects.drive.packet_age import WANDERING, Age, ages, 
 from samrl_core.diagnosis.effects.effect import Parameter
 from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, PresentForm, Shape
 from samrl_core.diagnosis.residuals.equations import LATEST_IN_LAW_S, Columns, latest_delay
+from samrl_core.diagnosis.residuals.laws.tracked_command import find_delays_alike
 from samrl_core.diagnosis.residuals.trial import Trial, add
 
 CLEAR = 10.0  # [nat] that a delay which changes must win, above the compared band, against a constant one
@@ -52,7 +55,9 @@ class CommandDelay(LateResponse):
         sides = late_sides(trial)
         constant = []
         for side in sides:
-            grid = tuple({"T": t} for t in GRID)
+            # In the middle of those that are alike: at their edge a delay is as near to others.
+            near = dict.fromkeys(float(np.mean(_delays_alike(trial, side, t))) for t in GRID)
+            grid = tuple({"T": t} for t in near)
             # Detail fixes a delay to a part of a sample: too narrow to be met by a search from afar.
             if (
                 side == "effort"
@@ -71,25 +76,44 @@ class CommandDelay(LateResponse):
 
 
 class ConstantDelay(LateForm):
-    """A constant delay."""
+    """A constant delay: all of a signal is late, and by that alone.
+
+    A share of it, which a filter has to be given, would trade against the delay: to first order torques tell
+    their product. Stamps that are off make a late command noisy, so that less of it, later, fits better.
+    """
+
+    freedom: ClassVar[float] = 0.003
 
     def late(self, trial: Trial, x: np.ndarray, shape: Shape) -> np.ndarray:
         return trial.motion.delayed(x, shape["T"])
+
+    def late_command(self, trial: Trial, command: JointSignal, shape: Shape) -> JointSignal:
+        """Of the stamps themselves: held goals stay stairs, and rows that lack are no neighbours'."""
+        told = trial.motion.told
+        late = None if told is None else trial.motion.as_tracked(told, shape["T"])
+        assert late is not None
+        return late
 
     def is_possible(self, trial: Trial, shape: Shape) -> bool:
         # A law reads its command with the position: a dead band, a punch or a limit tells a delay to a part
         # of a sample, where stamps off by as much would not do. Else their tolerance explains it.
         if self.side == "command":
-            return shape["T"] * trial.motion.rate > SHORTEST
+            return _delays_alike(trial, self.side, shape["T"])[1] * trial.motion.rate > SHORTEST
         return _is_seen(trial, shape["T"])
 
     def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
-        return {"T": shape["T"]}
+        return {"T": float(np.mean(_delays_alike(trial, self.side, shape["T"])))}
+
+    def sample_parameters(
+        self, trial: Trial, shape: Shape, amplitudes: np.ndarray, rng: np.random.Generator
+    ) -> dict[str, float]:
+        """Each of those that are alike is as probable."""
+        return {"T": rng.uniform(*_delays_alike(trial, self.side, shape["T"]))}
 
     def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
         if self.side == "tracking":
             return None
-        return {f"{self.side}_delay": self.at_joints(trial, shape["T"])}
+        return {f"{self.side}_delay": self.at_joints(trial, self.parameters(trial, shape, amplitudes)["T"])}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -125,6 +149,12 @@ class WanderingDelay(PresentForm):
 
     def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
         return {f"{self.side}_delay": self.at_joints(trial, self.age(trial).mean_s)}
+
+
+def _delays_alike(trial: Trial, side: str, late: float) -> tuple[float, float]:
+    """Delays [s], from and to, that a recording cannot tell from this one, whatever its noise."""
+    told = trial.motion.told
+    return (late, late) if side != "command" or told is None else find_delays_alike(trial.motion, told, late)
 
 
 def _is_seen(trial: Trial, delay: float) -> bool:

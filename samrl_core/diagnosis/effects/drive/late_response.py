@@ -68,14 +68,19 @@ class LateForm(PresentForm):
             return add(*(trial.drive(j, lost[:, [j]].T) for j in joints))
         if command is None or command.position is None:
             return {}
-        late = self.late(trial, command.position, shape)
+        late = self.late_command(trial, command, shape)
         if self.side == "tracking":
-            lost = command.position - late
+            assert late.position is not None
+            lost = command.position - late.position
             return add(*(trial.tracking(j, motion.reduce(lost[:, [j]]).T) for j in joints))
-        assert command.velocity is not None and command.effort is not None
-        parts = [self.late(trial, x, shape) for x in (command.velocity, command.effort)]
-        lost = motion.law_change(JointSignal(command.time, late, parts[0], None, parts[1]))
+        lost = motion.law_change(late)
         return add(*(trial.controller(j, lost[:, [j]].T) for j in joints))
+
+    def late_command(self, trial: Trial, command: JointSignal, shape: Shape) -> JointSignal:
+        """A command on the full-rate grid (F, J) as it arrives."""
+        parts = (command.position, command.velocity, command.effort)
+        position, velocity, effort = (None if x is None else self.late(trial, x, shape) for x in parts)
+        return JointSignal(command.time, position, velocity, None, effort)
 
     def cost(self, trials: Sequence[Trial], shape: Shape) -> float:
         """What the best response loses of the torque's detail above the compared band, where noise passes.

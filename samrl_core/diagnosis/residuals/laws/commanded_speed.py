@@ -12,6 +12,7 @@ from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.cell.types.controllers import KINDS
 from samrl_core.diagnosis.residuals.laws.control_law import LawTerms
 from samrl_core.diagnosis.residuals.signals.sample_times import SampleTimes
+from samrl_core.diagnosis.residuals.signals.slopes import find_slopes
 
 SHARE = "velocity_feedforward"  # key of kinds that may feed the commanded velocity forward
 CLEARLY = 0.25  # of the recorded torque's power that the other law leaves unexplained
@@ -30,8 +31,8 @@ class Tracked(Protocol):
     def limit(self) -> np.ndarray:
         """(J,) of the controller's output [N m]."""
 
-    def as_tracked(self, command: JointSignal) -> JointSignal | None:
-        """A command on the full-rate grid."""
+    def as_tracked(self, command: JointSignal, late: float = 0.0) -> JointSignal | None:
+        """A command on the full-rate grid, so much [s] later than it was stamped."""
 
     def law(self, command: JointSignal | None = None) -> LawTerms:
         """The described law at the measured states."""
@@ -87,7 +88,7 @@ def _least_left(motion: Tracked, command: JointSignal) -> float:
     limit, left = motion.limit(), []
     assert motion.asked is not None
     for late in LATE_S:
-        tracked = motion.as_tracked(replace(command, time=command.time + late))
+        tracked = motion.as_tracked(command, late)
         if tracked is None:
             return np.inf
         law = np.clip(motion.law(tracked).total, -limit, limit)
@@ -99,7 +100,7 @@ def with_goals_speed(motion: Tracked, command: JointSignal) -> JointSignal:
     """A command with its positions' derivative; over jittered stamps it would be as far off."""
     assert command.position is not None
     times = motion.times_of(command.time, command.position).time
-    return replace(command, velocity=np.gradient(command.position, times, axis=0))
+    return replace(command, velocity=find_slopes(times, command.position))
 
 
 def _lacks_speed(recording: ArmRecording) -> bool:

@@ -14,6 +14,7 @@ from samrl_core.diagnosis.residuals.signals.zero_phase import ZeroPhaseFilter
 SMOOTH_HZ = 80.0  # for quantities that enter a nonlinear formula before the band is applied
 EDGE_PERIODS = 2.5  # of the band: so long after the start, and before the end, a filter bends signals
 LEAST_SURE_HZ = 1.0  # up to which a motion counts as one, or a fiftieth of a slower log's rate
+SAME_INSTANT = 1e-3  # of a sample, by which a stamp that has been rounded may follow it
 MOST_OF_IT = 0.04  # of a recording, at most, that is lost so at either end
 
 
@@ -170,6 +171,14 @@ def onto_grid(
     return out
 
 
+def read_times(taken: SampleTimes, grid: np.ndarray) -> np.ndarray:
+    """When what `onto_grid` puts on the grid was read (F,) [s]: the stamps of rows that stand for others."""
+    ticks, step = taken.ticks, float(grid[1] - grid[0])
+    if taken.own or taken.regular or float(np.median(np.diff(ticks))) >= 1.5 * step:
+        return grid
+    return np.asarray(ticks[nearest(ticks, grid)])
+
+
 def nearest(ticks: np.ndarray, grid: np.ndarray) -> np.ndarray:
     """Sample (F,) that is nearest to each time of the grid (F,)."""
     index = np.clip(np.searchsorted(ticks, grid), 1, len(ticks) - 1)
@@ -193,7 +202,7 @@ def held_on_grid(
     ticks = regular(time)
     step = float(grid[1] - grid[0])
     if not mean:  # a stamp that is late by rounding alone counts as come
-        return values[np.clip(np.searchsorted(ticks, grid + 1e-3 * step, side="right") - 1, 0, None)]
+        return values[np.clip(np.searchsorted(ticks, grid + SAME_INSTANT * step, side="right") - 1, 0, None)]
     bounds = np.concatenate([[grid[0] - step], ticks[1:], [max(ticks[-1], grid[-1]) + step]])
     area = np.cumsum(values * np.diff(bounds)[:, None], axis=0).T
 

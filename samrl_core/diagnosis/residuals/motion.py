@@ -219,17 +219,16 @@ class RecordedMotion(SignalBand):
         return np.round(np.floor(elapsed / period + 1e-6) * period * self.rate).astype(int)
 
     def law_change(self, command: JointSignal) -> np.ndarray:
-        """Torque (F, J) by which the law asks for more with the recorded command than with this one.
+        """Torque (F, J) by which the law gives more with the recorded command than with this one.
 
-        Within its limits where the law stands for the torque; a recorded one tells where it was clipped.
+        Within its limits, as it is compared: a stiff loop told the right goal too early asks for what no
+        drive gives, and nothing of that beyond the limit is in the residual.
         """
         plain = self._without_steps
         if plain is None:
             own, other = self.described_law.total, self.law(command).total
         else:  # samples do not show what a rounded command does between them: it would explain its own noise
             own, other = self.law(described=plain).total, self.law(command, described=plain).total
-        if not self.computed:
-            return own - other
         limit = self.limit()
         return np.clip(own, -limit, limit) - np.clip(other, -limit, limit)
 

@@ -13,6 +13,7 @@ from samrl_core.diagnosis.effects.drive.late_response import (
     LateForm,
     LateResponse,
     clearest_delay,
+    clearest_delay_of_law,
     late_sides,
 )
 from samrl_core.diagnosis.effects.drive.packet_age import WANDERING, Age, ages, usual_age
@@ -58,11 +59,10 @@ class CommandDelay(LateResponse):
             # In the middle of those that are alike: at their edge a delay is as near to others.
             near = dict.fromkeys(float(np.mean(_delays_alike(trial, side, t))) for t in GRID)
             grid = tuple({"T": t} for t in near)
-            # Detail fixes a delay to a part of a sample: too narrow to be met by a search from afar.
-            if (
-                side == "effort"
-                and (clearest := clearest_delay(trial, place.joints)) * trial.motion.rate > 1.0
-            ):
+            # Detail fixes a delay to a part of a sample, a law that its limit cuts to a tick or two: too
+            # narrow to be met by a search from afar.
+            find = clearest_delay if side == "effort" else clearest_delay_of_law
+            if (clearest := find(trial, place.joints)) * trial.motion.rate > 1.0:
                 grid += ({"T": clearest},)
             constant.append(
                 ConstantDelay(name=side, place=place, side=side, shapes=grid, refine={"T": LIMITS})

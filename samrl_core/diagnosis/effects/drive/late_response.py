@@ -13,12 +13,13 @@ from samrl_core.diagnosis.effects.drive.packet_age import detail_share, detail_s
 from samrl_core.diagnosis.effects.effect import Effect
 from samrl_core.diagnosis.effects.form import PresentForm, Shape
 from samrl_core.diagnosis.residuals.basis_functions import low_passed, resonant
-from samrl_core.diagnosis.residuals.equations import Columns
+from samrl_core.diagnosis.residuals.equations import LATEST_IN_LAW_S, Columns
 from samrl_core.diagnosis.residuals.trial import Trial, add
 
 CUTOFFS = (8.0, 16.0, 24.0, 32.0, 48.0, 64.0, 96.0)  # [Hz] of filters that detail is compared with
 ACTS = 0.5  # of the detail of a torque that was sent, that must come out if it is more than the log's noise
 DELAYS = np.arange(0.0, 25.1, 0.5)  # [samples] likewise of delays
+LAW_DELAYS_S = np.arange(0.0, LATEST_IN_LAW_S, 0.001)  # of a command: a valley is as wide as a tick or two
 
 
 class LateResponse(Effect):
@@ -108,6 +109,28 @@ def clearest_delay(trial: Trial, joints: Sequence[int]) -> float:
     """The delay [s] that explains most of the torque's detail, to half a sample."""
     supports = [float(np.sum(x[list(joints)])) for x in _supports(trial)[: len(DELAYS)]]
     return float(DELAYS[int(np.argmax(supports))]) / trial.motion.rate
+
+
+def clearest_delay_of_law(trial: Trial, joints: Sequence[int]) -> float:
+    """The delay [s] of its command at which a law that is cut by its limit leaves least; zero of any other.
+
+    A stiff loop that is told the right goal 20 ms early asks for four times what its drive gives. What is cut
+    tells nothing, and half a delay twice as long is a valley of its own.
+    """
+    motion, key = trial.motion, ("left", "command")
+    told, asked = motion.told, motion.asked
+    if told is None or asked is None or motion.computed:
+        return 0.0
+    if key not in trial.cached:
+        limit, left = motion.limit(), []
+        cut = bool(np.any(np.abs(motion.described_law.total) > limit))
+        for late in LAW_DELAYS_S if cut else ():
+            tracked = motion.as_tracked(told, late)
+            # Less its mean: nobody knows what an integral held when the recording began.
+            left.append(np.var(np.clip(motion.law(tracked).total, -limit, limit) - asked, axis=0))
+        trial.cached[key] = np.array(left).reshape(-1, trial.joints)
+    scaled = trial.cached[key][:, list(joints)] / np.maximum(trial.scale[list(joints)], 1e-12) ** 2
+    return float(LAW_DELAYS_S[int(np.argmin(np.sum(scaled, axis=1)))]) if len(scaled) else 0.0
 
 
 def acting_torque(trial: Trial) -> np.ndarray:

@@ -118,7 +118,7 @@ class RecordedMotion(SignalBand):
         return self.recording.commanded_effort is not None or self.recording.states.effort is not None
 
     @cached_property
-    def told(self) -> JointSignal | None:
+    def recorded_command(self) -> JointSignal | None:
         """The command as it was recorded, with its goals' speed where the law uses that; None without one."""
         command = self.recording.command
         if command is None or len(command) < 2:
@@ -130,7 +130,7 @@ class RecordedMotion(SignalBand):
     @cached_property
     def command(self) -> JointSignal | None:
         """What the controller tracked, on the full-rate grid; None where no command was recorded."""
-        return None if self.told is None else self.as_tracked(self.told)
+        return None if self.recorded_command is None else self.as_tracked(self.recorded_command)
 
     def as_tracked(self, command: JointSignal, late: float = 0.0) -> JointSignal | None:
         """A command on the full-rate grid, `late` [s] after its stamps; what it lacks is zero."""

@@ -89,7 +89,7 @@ class ConstantDelay(LateForm):
 
     def late_command(self, trial: Trial, command: JointSignal, shape: Shape) -> JointSignal:
         """Of the stamps themselves: held goals stay stairs, and rows that lack are no neighbours'."""
-        told = trial.motion.told
+        told = trial.motion.recorded_command
         late = None if told is None else trial.motion.as_tracked(told, shape["T"])
         assert late is not None
         return late
@@ -153,7 +153,7 @@ class WanderingDelay(PresentForm):
 
 def _delays_alike(trial: Trial, side: str, late: float) -> tuple[float, float]:
     """Delays [s], from and to, that a recording cannot tell from this one, whatever its noise."""
-    told = trial.motion.told
+    told = trial.motion.recorded_command
     return (late, late) if side != "command" or told is None else find_delays_alike(trial.motion, told, late)
 
 

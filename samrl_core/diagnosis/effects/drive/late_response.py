@@ -118,7 +118,7 @@ def clearest_delay_of_law(trial: Trial, joints: Sequence[int]) -> float:
     tells nothing, and half a delay twice as long is a valley of its own.
     """
     motion, key = trial.motion, ("left", "command")
-    told, asked = motion.told, motion.asked
+    told, asked = motion.recorded_command, motion.asked
     if told is None or asked is None or motion.computed:
         return 0.0
     if key not in trial.cached:

@@ -41,7 +41,7 @@ _KNOWN_PACKAGES = frozenset(
     " trajectory_msgs type_description_interfaces unique_identifier_msgs vision_msgs"
     " visualization_msgs".split()
 )
-_LEAST = 50  # rows of a table that is looked at
+LEAST_ROWS = 50  # rows of a table that is looked at
 _ACROSS = 4  # numbers of a row for each row, beyond which the rows are signals
 _STAMPS = ("log_time", "header.stamp", "header.seq")  # of a bag's messages; their table has a time
 
@@ -97,7 +97,7 @@ def read_parts(path: Path, joints: Sequence[str]) -> list[LogPart]:
     """
     if is_bag(path):
         topics = list_topics(path, "the log")
-        long = [t for t in topics if t.count >= _LEAST]
+        long = [t for t in topics if t.count >= LEAST_ROWS]
         parts = [(t.name, t.type) for t in long if t.type in ROS_TYPES] or [
             (t.name, "") for t in long if t.type.partition("/")[0] not in _KNOWN_PACKAGES
         ]
@@ -108,7 +108,7 @@ def read_parts(path: Path, joints: Sequence[str]) -> list[LogPart]:
             trees = describe_tree(path) if any(t.type in KINDS for t in topics) else ""
             raise InputError(
                 f"{path} has no topic of {', '.join(sorted(ROS_TYPES))}, or of messages of its own, with"
-                f" {_LEAST} messages; topics are {present}{trees}"
+                f" {LEAST_ROWS} messages; topics are {present}{trees}"
             )
     elif is_lerobot(path):
         parts = [("0", "")]
@@ -129,14 +129,14 @@ def _nothing_found(parts: Sequence[LogPart]) -> str:
             return told
     rows = max((len(each.table.columns[name]) for each in parts for name in each.table.columns), default=0)
     unnamed = bool(names) and all(name.isdecimal() for name in names)
-    if unnamed and rows < _LEAST and len(names) > _ACROSS * rows:
+    if unnamed and rows < LEAST_ROWS and len(names) > _ACROSS * rows:
         return (
             f"holds {rows} rows of {len(names)} numbers: a signal in each row, as it seems. Turn it over, so"
             " that each row is a moment (numpy.savetxt('turned.txt', numpy.loadtxt(...).T)), and name its"
             f" {rows} columns in a first line, such as time,q1,q2,tau1,tau2"
         )
-    why = f"no columns of numbers with {_LEAST} rows" if rows >= _LEAST else (
-        f"{rows} rows: joints need {_LEAST}, and neither two poses (a target's and a flange's), nor a body's"
+    why = f"no columns of numbers with {LEAST_ROWS} rows" if rows >= LEAST_ROWS else (
+        f"{rows} rows: joints need {LEAST_ROWS}, and neither two poses (a target's and a flange's), nor a body's"
         " track, nor readings beside a reference were found"
     )  # fmt: skip
     advice = "; name its columns in a first line, such as time,x,y,z" if unnamed else ""
@@ -147,7 +147,7 @@ def _rows_of_signals(table: Table) -> str:
     """What to write for a matrix with a signal in each row, the first of them the time; else empty."""
     for name in table.columns:
         values = numbers_of(table, name)
-        if values is None or values.ndim != 2 or len(values) >= _LEAST or values.shape[1] < _LEAST:
+        if values is None or values.ndim != 2 or len(values) >= LEAST_ROWS or values.shape[1] < LEAST_ROWS:
             continue
         steps = np.diff(values[0])
         if (steps > 0).all() and time_unit(steps):
@@ -171,7 +171,7 @@ def _part(path: Path, part: str, kind: str, joints: Sequence[str]) -> LogPart:
     if beside := {} if kind else recordings_beside(table):
         table = first_of(table, beside)
     arrays = {name: values for name in table.columns if (values := numbers_of(table, name)) is not None}
-    long = {name: values for name, values in arrays.items() if len(values) >= _LEAST}
+    long = {name: values for name, values in arrays.items() if len(values) >= LEAST_ROWS}
     flat = [name for name, values in long.items() if values.ndim == 1 and not _counts(name, values)]
     named = (name for name in flat if is_time(name) and name not in _STAMPS)
     times = tuple(sorted(named, key=lambda name: -runs_on(long[name])))
@@ -192,10 +192,10 @@ def _part(path: Path, part: str, kind: str, joints: Sequence[str]) -> LogPart:
             blocks.append(_block(part, name, labels, (name,), values))
     lengths = {len(long[name]) for name in times}
     for name, values in arrays.items():
-        if values.ndim == 2 and len(values) < _LEAST and values.shape[1] in lengths:
+        if values.ndim == 2 and len(values) < LEAST_ROWS and values.shape[1] in lengths:
             labels = tuple(str(k) for k in range(len(values)))
             blocks.append(replace(_block(part, name, labels, (name,), values.T), transposed=True))
-    useful = tuple(block for block in blocks if len(block.values) >= _LEAST)
+    useful = tuple(block for block in blocks if len(block.values) >= LEAST_ROWS)
     return LogPart(path, part, kind, table, useful, times, dates, options, beside)
 
 

@@ -29,6 +29,7 @@ RATES = frozenset(
     " torque torques wrench tau mag field b bias std cov covariance err error euler size scale".split()
 )
 _PLURALS = {"rvecs": "rvec", "tvecs": "tvec", "rmats": "rmat"}  # OpenCV's calibrateCamera gives lists of them
+_SPELT = re.compile(r"(?<![a-z])(rot(?:ation)?|trans(?:lation)?)[_ .-]*vec(?:tor)?s?(?![a-z])", re.IGNORECASE)
 _LETTERS = ("x", "y", "z", "w")
 _FULL = {"position": 3, "quaternion": 4, "rotation_vector": 3, "rpy": 3}
 _NINE = 9  # numbers of a rotation
@@ -256,7 +257,8 @@ def _add_parts(
 
 
 def _words_of(name: str) -> list[str]:
-    words = [w.lower() for w in _WORD.findall(name)]
+    short = _SPELT.sub(lambda spelt: f" {spelt[1][0].lower()}vec ", name)  # rotation_vector, Translation_Vec
+    words = [w.lower() for w in _WORD.findall(short)]
     return [_PLURALS.get(w, w) for w in words]
 
 

@@ -1,0 +1,71 @@
+"""Forms in which people publish what they recorded: halves of a chain, lists of OpenCV, trials side by side."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from samrl_core.common.errors import InputError
+from samrl_ros.log_import.draft.any_draft import draft_any
+
+VIEWS = 9
+RNG = np.random.default_rng(5)
+
+
+def transforms(spread: float) -> np.ndarray:
+    """Random poses (VIEWS, 4, 4) around the origin [m]."""
+    out = np.tile(np.eye(4), (VIEWS, 1, 1))
+    out[:, :3, :3] = Rotation.from_rotvec(RNG.normal(0.0, 0.6, (VIEWS, 3))).as_matrix()
+    out[:, :3, 3] = RNG.normal(0.0, spread, (VIEWS, 3))
+    return out
+
+
+def test_lists_of_opencv_are_poses_by_their_spelt_names(tmp_path: Path) -> None:
+    hand = transforms(0.3)
+    camera = transforms(0.05)[0]
+    board = transforms(0.3)[0]
+    seen = np.linalg.inv(hand @ camera) @ board
+    lines = ["%YAML:1.0", "---"]
+    for name, rows in (
+        ("Rotation_Vec", Rotation.from_matrix(seen[:, :3, :3]).as_rotvec()),
+        ("Translation_Vec", 1000.0 * seen[:, :3, 3]),
+    ):
+        lines += [f"{name}:"]
+        for row in rows:
+            lines += ["   - !!opencv-matrix", "      rows: 3", "      cols: 1", "      dt: d"]
+            lines += [f"      data: {row.tolist()}"]
+    (tmp_path / "board_pose.yml").write_text("\n".join(lines))
+    poses = np.hstack([1000.0 * hand[:, :3, 3], Rotation.from_matrix(hand[:, :3, :3]).as_rotvec()])
+    numbered = [f"pose{k + 1}: {pose.tolist()}" for k, pose in enumerate(poses)]
+    (tmp_path / "robot_poses.yaml").write_text("\n".join(["%YAML:1.0", "---", "angle_unit: radian", *numbered]))
+    draft = draft_any(sorted(tmp_path.iterdir()), None, None)
+    assert draft.poses["target_in_camera"]["rotation_vector"] == "Rotation_Vec"
+    assert draft.poses["target_in_camera"]["unit"] == "mm" and "camera_arm" in draft.poses
+    assert draft.closes_m < 1e-6
+
+
+@pytest.mark.parametrize(
+    "name, head, extra",
+    [
+        ("robot_poses.csv", "file,x,y,z,rx(deg),ry(deg),rz(deg)", 0),
+        ("views.csv", "image,x_mm,y_mm,z_mm,rx_deg,ry_deg,rz_deg,j1_deg,j2_deg,j3_deg,j4_deg", 4),
+    ],
+)
+def test_an_arms_poses_alone_are_half_of_a_chain_and_no_body(
+    tmp_path: Path, name: str, head: str, extra: int
+) -> None:
+    rows = 90.0 * RNG.normal(size=(VIEWS, 6 + extra))
+    text = [f"view_{k}.png," + ",".join(f"{x:.3f}" for x in row) for k, row in enumerate(rows)]
+    (tmp_path / name).write_text("\n".join([head, *text]))
+    with pytest.raises(InputError, match="none of a target that a camera saw.*rvec_x"):
+        draft_any([tmp_path / name], None, None)
+
+
+def test_a_body_called_by_its_file_is_no_arm(tmp_path: Path) -> None:
+    rows = np.column_stack([np.linspace(0.0, 0.4, 60), np.full(60, 0.1), np.zeros(60), np.zeros((60, 3))])
+    path = tmp_path / "cube_robot.csv"
+    np.savetxt(path, rows, delimiter=",", header="x,y,z,rx,ry,rz", comments="")
+    assert draft_any([path], None, None).bodies

@@ -42,7 +42,7 @@ SHARES = "ext external hat interact interaction gravity g coriolis friction cont
 SHARES += " feedforward"
 ENABLED = frozenset("enable enabled".split())  # whether a drive gives torque: torque_enable
 TIME = "t tm time times timestamp timestamps stamp stamps tstamp tstamps sec secs seconds ms us ns clock zeit"
-TIME += " duration tout"
+TIME += " duration tout tiempo tempo temps"
 UNIT_WORDS = {
     "rad": "rad", "radian": "rad", "radians": "rad",
     "deg": "deg", "degrees": "deg", "degree": "deg", "rpm": "rpm", "nm": "N m", "ms": "ms",

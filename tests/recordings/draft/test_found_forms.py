@@ -40,7 +40,9 @@ def test_lists_of_opencv_are_poses_by_their_spelt_names(tmp_path: Path) -> None:
     (tmp_path / "board_pose.yml").write_text("\n".join(lines))
     poses = np.hstack([1000.0 * hand[:, :3, 3], Rotation.from_matrix(hand[:, :3, :3]).as_rotvec()])
     numbered = [f"pose{k + 1}: {pose.tolist()}" for k, pose in enumerate(poses)]
-    (tmp_path / "robot_poses.yaml").write_text("\n".join(["%YAML:1.0", "---", "angle_unit: radian", *numbered]))
+    (tmp_path / "robot_poses.yaml").write_text(
+        "\n".join(["%YAML:1.0", "---", "angle_unit: radian", *numbered])
+    )
     draft = draft_any(sorted(tmp_path.iterdir()), None, None)
     assert draft.poses["target_in_camera"]["rotation_vector"] == "Rotation_Vec"
     assert draft.poses["target_in_camera"]["unit"] == "mm" and "camera_arm" in draft.poses
@@ -69,3 +71,32 @@ def test_a_body_called_by_its_file_is_no_arm(tmp_path: Path) -> None:
     path = tmp_path / "cube_robot.csv"
     np.savetxt(path, rows, delimiter=",", header="x,y,z,rx,ry,rz", comments="")
     assert draft_any([path], None, None).bodies
+
+
+@pytest.mark.parametrize(
+    "head, unit, up",
+    [
+        ("Time (s),Position (m),Velocity (m/s)", "m", -1),  # from where it was let go, downwards
+        ("Tiempo (s),Posición (m)", "m", -1),
+        ("time,height", "m", 1),
+        ("tiempo,altura_cm", "cm", 1),
+    ],
+)
+def test_what_falls_along_one_axis_is_a_body_and_no_joint(
+    tmp_path: Path, head: str, unit: str, up: int
+) -> None:
+    time = 0.01 * np.arange(60)
+    fallen = 0.3 * time + 0.5 * 9.81 * time**2 + RNG.normal(0.0, 5e-4, len(time))
+    height = (2.0 * (up > 0) - up * fallen) * {"m": 1.0, "cm": 100.0}[unit]
+    rows = np.column_stack([time, height, 0.3 + 9.81 * time])[:, : head.count(",") + 1]
+    np.savetxt(tmp_path / "drop.csv", rows, delimiter=",", header=head, comments="", encoding="utf-8")
+    draft = draft_any([tmp_path / "drop.csv"], None, None)
+    assert not draft.questions and draft.bodies["track"]["unit"] == unit
+    assert draft.bodies["track"]["axes"] == "z" and draft.bodies["gravity"] == [0.0, 0.0, -9.81 * up]
+
+
+def test_a_position_that_does_not_fall_stays_a_joints(tmp_path: Path) -> None:
+    time = 0.01 * np.arange(60)
+    rows = np.column_stack([time, 0.2 * np.sin(3.0 * time)])
+    np.savetxt(tmp_path / "slide.csv", rows, delimiter=",", header="Time (s),Position (m)", comments="")
+    assert not draft_any([tmp_path / "slide.csv"], None, None).bodies

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections import defaultdict
 from dataclasses import replace
 
@@ -14,11 +15,14 @@ from samrl_ros.log_import.draft.tracks.angle_names import LETTERS, OPENCV, add_m
 from samrl_ros.log_import.draft.tracks.found_track import LEAST, Component, FoundTrack, matrix_parts
 from samrl_ros.log_import.draft.tracks.matrix_columns import WIDTHS, are_rotations
 from samrl_ros.log_import.draft.tracks.unnamed_tracks import are_mostly_quaternions, find_unnamed
+from samrl_ros.log_import.pose_specs import LENGTHS
 from samrl_ros.log_import.table import Table
 
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 _UNITS = {"m": "m", "cm": "cm", "mm": "mm", "rad": "rad", "deg": "deg", "in": "in", "px": "px"}
 _POSITION = {"p", "pos", "position", "t", "trans", "translation", "tvec", "loc", "location", "xyz"}
+_ALONE = {"position", "pos", "posicion", "posicao", "posizione"}  # of what moves along one axis, with a unit
+_HEIGHT = {"height", "altitude", "altura", "hoehe", "hohe", "hauteur", "altezza", "h"}
 _IN_PLANE = {"xy", "xz", "yz"}  # of arrays with two numbers
 _QUATERNION = {"q", "quat", "quaternion", "orientation", "rotation", "rot", "ori"}
 _VECTOR = {"rvec", "rotvec", "rodrigues", "aa", "axisangle"}
@@ -105,7 +109,22 @@ def find_positions(table: Table, plural: bool = False) -> list[FoundTrack]:
             if listed := matrix_parts(parts, numbers):
                 found.setdefault(stem, FoundTrack(stem)).columns["matrix"] = listed
     tracks = _paired(list(found.values()))
-    return tracks or find_unnamed(table, arrays)
+    return tracks or find_unnamed(table, arrays) or _find_height(arrays, table.units)
+
+
+def _find_height(arrays: dict[str, np.ndarray], units: dict[str, str]) -> list[FoundTrack]:
+    """The only column that is called a height, or a position in a unit of length, as of what is dropped.
+
+    A joint that slides is called so, too: who reads it must find that it falls.
+    """
+    named = {name: _words_of(name) for name, values in arrays.items() if values.ndim == 1}
+    found = []
+    for name, words in named.items():
+        unit = units.get(name, "") or (words[-1] if len(words) > 1 else "")
+        unit = unit if _UNITS.get(unit) in LENGTHS else ""
+        if not set(words) & RATES and (set(words) & _HEIGHT or (unit and set(words) & _ALONE)):
+            found.append(FoundTrack((), {"position": [Component(name)]}, axes="z", unit=unit))
+    return found if len(found) == 1 else []
 
 
 def _drop_zeros(numbers: np.ndarray) -> np.ndarray:
@@ -258,7 +277,8 @@ def _add_parts(
 
 def _words_of(name: str) -> list[str]:
     short = _SPELT.sub(lambda spelt: f" {spelt[1][0].lower()}vec ", name)  # rotation_vector, Translation_Vec
-    words = [w.lower() for w in _WORD.findall(short)]
+    plain = "".join(c for c in unicodedata.normalize("NFKD", short) if not unicodedata.combining(c))
+    words = [w.lower() for w in _WORD.findall(plain)]
     return [_PLURALS.get(w, w) for w in words]
 
 

@@ -136,8 +136,8 @@ def _nothing_found(parts: Sequence[LogPart]) -> str:
             f" {rows} columns in a first line, such as time,q1,q2,tau1,tau2"
         )
     why = f"no columns of numbers with {LEAST_ROWS} rows" if rows >= LEAST_ROWS else (
-        f"{rows} rows: joints need {LEAST_ROWS}, and neither two poses (a target's and a flange's), nor a body's"
-        " track, nor readings beside a reference were found"
+        f"{rows} rows: joints need {LEAST_ROWS}, and neither two poses (a target's and a flange's), nor a"
+        " body's track, nor readings beside a reference were found"
     )  # fmt: skip
     advice = "; name its columns in a first line, such as time,x,y,z" if unnamed else ""
     return f"holds {why}; its columns are {names[:40]}{advice}"

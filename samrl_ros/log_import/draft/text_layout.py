@@ -6,6 +6,7 @@ that a reader would take for a peculiarity.
 
 from __future__ import annotations
 
+import csv
 import io
 import re
 from collections.abc import Sequence
@@ -74,8 +75,8 @@ def _options(lines: Sequence[str], tab: bool) -> CsvOptions | None:
     best: tuple[tuple[bool, int, int], str, str] | None = None
     for delimiter in _DELIMITERS:
         for decimal in (".", ","):
-            if decimal == delimiter:
-                continue
+            if decimal == delimiter and not any('"' in line for line in lines):
+                continue  # in quotes a cell may hold what parts cells: "0,25","1,5"
             width = _width(lines, delimiter, decimal)
             # Of rows such as `0,1;2;3` most cells are numbers with a point, too: all are with a comma. Of
             # `0.1,1 2 3` most of what blanks part are numbers, too: all of what commas part are, or lists.
@@ -226,7 +227,11 @@ def _words_of_comment(line: str, width: int) -> list[str]:
 
 
 def _split(line: str, delimiter: str) -> list[str]:
-    return line.split() if delimiter == " " else line.split(delimiter)
+    if delimiter == " ":
+        return line.split()
+    if '"' not in line:
+        return line.split(delimiter)
+    return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
 
 
 def _width(lines: Sequence[str], delimiter: str, decimal: str) -> int:

@@ -1,4 +1,4 @@
-"""Forms in which people publish what they recorded: halves of a chain, lists of OpenCV, trials side by side."""
+"""Forms in which people publish recordings: halves of a chain, lists of OpenCV, trials side by side."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from samrl_core.common.errors import InputError
 from samrl_ros.log_import.draft.any_draft import draft_any
+from samrl_ros.log_import.draft.tracks.logged_tracks import read_logged_tables
 
 VIEWS = 9
 RNG = np.random.default_rng(5)
@@ -100,3 +101,18 @@ def test_a_position_that_does_not_fall_stays_a_joints(tmp_path: Path) -> None:
     rows = np.column_stack([time, 0.2 * np.sin(3.0 * time)])
     np.savetxt(tmp_path / "slide.csv", rows, delimiter=",", header="Time (s),Position (m)", comments="")
     assert not draft_any([tmp_path / "slide.csv"], None, None).bodies
+
+
+def test_decimal_commas_in_quotes_are_numbers_and_misplaced_names_are_asked_for(tmp_path: Path) -> None:
+    time = np.arange(27) / 30.0
+    rows = np.column_stack([time, 3.6 * time, 4.2 * time - 0.5 * 9.81 * time**2])
+    text = [",".join(f'"{x:.2E}"'.replace(".", ",") for x in row) for row in rows]
+    (tmp_path / "throw.csv").write_text("\n".join(["X, Y, t", *text]))  # they are time, x and height
+    draft = draft_any([tmp_path / "throw.csv"], None, None)
+    assert draft.sources["track"]["csv"]["decimal"] == ","
+    assert any("order of the columns" in question for question in draft.questions)
+    table = read_logged_tables([tmp_path / "throw.csv"])[0].table
+    np.testing.assert_allclose(table.numbers("Y", "here"), rows[:, 1], atol=0.02)
+    (tmp_path / "right.csv").write_text("\n".join(["t, X, Y", *text]))
+    right = draft_any([tmp_path / "right.csv"], None, None)
+    assert not right.questions and right.bodies["gravity"] == [0.0, -9.81, 0.0]

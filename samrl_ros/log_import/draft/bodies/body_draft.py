@@ -16,6 +16,7 @@ import numpy as np
 from samrl_core.common.errors import InputError
 from samrl_ros.log_import.draft.blocks import numbers_of
 from samrl_ros.log_import.draft.bodies.free_fall import SURE_LEAN, FreeFall, G, find_unscaled_fall
+from samrl_ros.log_import.draft.bodies.name_order import ask_of_name_order
 from samrl_ros.log_import.draft.bodies.seen_tracks import (
     BODIES,
     SeenTrack,
@@ -167,6 +168,7 @@ def _describe_time(chosen: SeenTrack, fall: FreeFall | None, source: dict[str, A
         source["time"] = {**counted, "rate_hz": PLACEHOLDER_HZ}
         what = f"{chosen.frames!r} counts frames" if chosen.frames else "no column is named as time"
         draft.note(key, what, f"what is the frame rate [Hz]? {PLACEHOLDER_HZ:g} is a placeholder")
+        ask_of_name_order(chosen.each, draft)
         return
     unit = time.units[0] if fall is None else fall.time_unit
     column = time.entry.get("column")

@@ -30,7 +30,7 @@ class ReadingsSpec(Checked):
     quantity: Literal["depth", "stamp"]
     sensor: str = "camera"
     source: str | None = None
-    reading: Formula
+    reading: Formula  # one number per sample, or a list: trials of that sample's reference, one after another
     reference: Formula
     unit: str | None = None  # of both; None: m or s
     image: Formula | None = None  # that each reading is of, and its surface there: of those of one image
@@ -104,6 +104,8 @@ def import_readings(spec: ReadingRecordingSpec, text: str, data: Path) -> Import
 
     def numbers(key: str) -> np.ndarray:
         made = np.asarray(evaluate(getattr(given, key), source.values, f"{where}.{key}"), dtype=float)
+        if key == "reading" and made.ndim == 2 and len(made) == count and given.surface is None:
+            return made
         if made.shape not in ((), (count,)):
             raise InputError(
                 f"{where}.{key} gives shape {made.shape}, must be one number per sample, ({count},)"
@@ -111,7 +113,10 @@ def import_readings(spec: ReadingRecordingSpec, text: str, data: Path) -> Import
         return np.broadcast_to(made, (count,))
 
     reading, reference = factor * numbers("reading"), factor * numbers("reference")
-    keep = np.ones(count, dtype=bool)
+    time = source.time
+    if reading.ndim == 2:
+        time, reading, reference = _one_after_another(time, reading, reference)
+    keep = np.ones(len(reading), dtype=bool)
     if given.surface is not None:
         keep = nearest_surfaces(numbers("image"), numbers("surface"), reading, reference, where, notes)
     tolerances = ReadingTolerances()
@@ -125,7 +130,7 @@ def import_readings(spec: ReadingRecordingSpec, text: str, data: Path) -> Import
         update_digest(digest, file)
     recording = ReadingRecording(
         spec.name, ", ".join(map(str, source.files)), digest.hexdigest(), given.quantity, given.sensor,
-        (source.time - source.time[0])[keep], reading[keep], reference[keep], tolerances,
+        (time - time[0])[keep], reading[keep], reference[keep], tolerances,
     )  # fmt: skip
     error = recording.reading - recording.reference
     unit = UNITS[given.quantity]
@@ -135,6 +140,16 @@ def import_readings(spec: ReadingRecordingSpec, text: str, data: Path) -> Import
         f" {error.min():.4g} .. {error.max():.4g} {unit}",
     )
     return ImportedReadings(recording, spec.role, report, tuple(notes))
+
+
+def _one_after_another(
+    time: np.ndarray, reading: np.ndarray, reference: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Trials (N, K) of each row's reference (N,) as (N * K,), spread over the time until the next row."""
+    count, trials = reading.shape
+    step = float(np.median(np.diff(time))) if count > 1 else 1.0
+    spread = time[:, None] + step * np.arange(trials) / trials
+    return spread.ravel(), reading.ravel(), np.repeat(reference, trials)
 
 
 def nearest_surfaces(

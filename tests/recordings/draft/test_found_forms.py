@@ -11,6 +11,8 @@ from scipy.spatial.transform import Rotation
 from samrl_core.common.errors import InputError
 from samrl_ros.log_import.draft.any_draft import draft_any
 from samrl_ros.log_import.draft.tracks.logged_tracks import read_logged_tables
+from samrl_ros.log_import.draft.writing import as_yaml
+from samrl_ros.log_import.reading_importer import readings_of
 
 VIEWS = 9
 RNG = np.random.default_rng(5)
@@ -116,3 +118,36 @@ def test_decimal_commas_in_quotes_are_numbers_and_misplaced_names_are_asked_for(
     (tmp_path / "right.csv").write_text("\n".join(["t, X, Y", *text]))
     right = draft_any([tmp_path / "right.csv"], None, None)
     assert not right.questions and right.bodies["gravity"] == [0.0, -9.81, 0.0]
+
+
+@pytest.mark.parametrize(
+    "head, unit",
+    [
+        ("actual_distance_m,{}", "m"),
+        ("Distance (cm),{},Average", "cm"),
+    ],
+)
+def test_trials_side_by_side_are_readings_of_their_rows_distance(
+    tmp_path: Path, head: str, unit: str
+) -> None:
+    true = np.array([0.3, 0.5, 0.7, 0.9]) * {"m": 1.0, "cm": 100.0}[unit]
+    read = 1.03 * true[:, None] * (1.0 + 0.002 * RNG.normal(size=(4, 12)))
+    names = ",".join(f"sample_{k + 1}" if unit == "m" else f"Trial {k + 1}" for k in range(12))
+    rows = np.column_stack([true, read, read.mean(axis=1)])[:, : 14 if "Average" in head else 13]
+    path = tmp_path / "wall.csv"
+    np.savetxt(path, rows, delimiter=",", header=head.format(names), comments="", fmt="%.5f")
+    draft = draft_any([path], None, None)
+    assert len(draft.questions) == 1 and "a sensor's distances" in draft.questions[0]
+    draft.guesses.clear()  # answered
+    (made,) = readings_of(as_yaml(draft), tmp_path / "mapping.yaml", tmp_path)
+    metres = {"m": 1.0, "cm": 0.01}[unit]
+    np.testing.assert_allclose(made.recording.reading, metres * read.ravel(), atol=2e-5)
+    np.testing.assert_allclose(made.recording.reference, metres * np.repeat(true, 12))
+    assert (np.diff(made.recording.time) > 0).all()
+
+
+def test_means_of_a_few_distances_are_refused_with_what_to_give(tmp_path: Path) -> None:
+    path = tmp_path / "means.csv"
+    path.write_text("actual_distance_m,count,measured_mean_m\n0.1,30,0.11\n0.2,30,0.21\n0.3,30,0.32\n")
+    with pytest.raises(InputError, match="every reading, and not their mean.*trial_1"):
+        draft_any([path], None, None)

@@ -12,10 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from samrl_core.common.errors import InputError
 from samrl_ros.log_import.draft.blocks import numbers_of
 from samrl_ros.log_import.draft.column_names import is_time, words_in
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.readings.clock_draft import COUNTERS, describe_clocks, find_clocks
+from samrl_ros.log_import.draft.readings.trial_columns import Trials, find_trials
 from samrl_ros.log_import.draft.text_layout import stated_options
 from samrl_ros.log_import.draft.tracks.logged_tracks import LoggedTable
 from samrl_ros.log_import.pose_specs import LENGTHS
@@ -43,9 +45,12 @@ def draft_readings(tables: Sequence[LoggedTable]) -> Draft | None:
     """
     if not tables or any(each.part for each in tables):
         return None
-    columns = {
-        name: v for name in tables[0].table.columns if (v := _numbers(tables[0].table, name)) is not None
-    }
+    first = tables[0].table
+    columns = {name: v for name in first.columns if (v := _numbers(first, name)) is not None}
+    stated = [name for name in first.columns if says_truth(name) and _is_column(first, name)]
+    trials = find_trials(first, stated)
+    if trials is None and len(tables) == 1:
+        _refuse_means(first, stated)
     true = [name for name in columns if says_truth(name)]
     counts = {name for name in columns if COUNTERS & set(words_in(name.rpartition(".")[2]))}
     read = [name for name in columns if _says_depth(name) and not says_truth(name) and name not in counts]
@@ -57,7 +62,9 @@ def draft_readings(tables: Sequence[LoggedTable]) -> Draft | None:
         read = [name for name in columns if GIVEN & set(words_in(name))]
     pairs = [(a, b) for a in read for b in true if _alike(columns[a], columns[b])]
     draft = Draft(about="Drafted by samrl bag draft. Every entry has its reason beside it; check them.")
-    if pairs:
+    if trials is not None:
+        used = _describe_trials(first, trials, draft)
+    elif pairs:
         used = _describe_depth(columns, pairs, draft)
         if zones:
             draft.note(
@@ -77,7 +84,11 @@ def draft_readings(tables: Sequence[LoggedTable]) -> Draft | None:
     if stated := stated_options(tables[0].csv):
         source["csv"] = stated
     draft.sources["log"] |= source
-    if pairs and any((each.table.numbers(used[0], "the log") == 0.0).any() for each in tables):
+    if (
+        pairs
+        and trials is None
+        and any((each.table.numbers(used[0], "the log") == 0.0).any() for each in tables)
+    ):
         draft.sources["log"]["columns"]["reading"] = {"column": used[0], "empty": 0.0}
         draft.sources["log"]["missing"] = "drop_row"
         draft.note("sources.log.columns", f"{used[0]!r} is exactly zero at times: nothing was seen there")
@@ -129,6 +140,39 @@ def _describe_depth(
     draft.sources["log"] = {"columns": {"reading": reading, "reference": reference}}
     draft.readings = {"quantity": "depth", "reading": formulas[0], "reference": formulas[1], "unit": unit}
     return reading, reference
+
+
+def _describe_trials(table: Table, trials: Trials, draft: Draft) -> tuple[str, ...]:
+    """Every trial of a row is a reading of its distance; the columns used."""
+    means = {trials.label: trials.means(table), trials.reference: table.numbers(trials.reference, "the log")}
+    _describe_depth(means, [(trials.label, trials.reference)], draft)
+    names = {f"trial_{k}": name for k, name in enumerate(trials.names)}
+    draft.sources["log"]["columns"] = {**names, "reference": trials.reference}
+    formula = draft.readings["reading"].replace("reading", f"stack({', '.join(names)})")
+    draft.readings["reading"] = formula
+    draft.note(
+        "readings", f"{len(names)} columns, {trials.label}, hold readings of one distance in each row",
+        "" if _says_depth(trials.label) else "are they a sensor's distances, in this unit?",
+    )  # fmt: skip
+    return (*trials.names, trials.reference)
+
+
+def _refuse_means(table: Table, stated: Sequence[str]) -> None:
+    """Raises `InputError` of a few distances beside as many readings, which are means or single ones."""
+    read = [name for name in table.columns if name not in stated and _is_column(table, name)]
+    read = [name for name in read if _says_depth(name) or _says_measured_length(name)]
+    rows = max((len(table.numbers(name, "the log")) for name in stated), default=0)
+    if read and 0 < rows < FEWEST:
+        raise InputError(
+            f"{table.path.name} holds {rows} rows of {read[0]!r} beside {stated[0]!r}: too few to tell a"
+            " factor from noise. Give every reading, and not their mean, twenty or more in all at three"
+            " distances: a row for each, distance_mm,depth_mm, or side by side, distance_mm,trial_1,trial_2"
+        )
+
+
+def _is_column(table: Table, name: str) -> bool:
+    values = None if is_time(name) else numbers_of(table, name)
+    return values is not None and values.ndim == 1
 
 
 def _numbers(table: Table, name: str) -> np.ndarray | None:

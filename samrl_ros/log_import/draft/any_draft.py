@@ -19,6 +19,7 @@ from samrl_ros.log_import.draft.joints.joint_draft import draft_mapping
 from samrl_ros.log_import.draft.poses.joint_chain import draft_joint_chain
 from samrl_ros.log_import.draft.poses.joint_table import draft_joint_table, draft_with_description_beside
 from samrl_ros.log_import.draft.poses.lone_arm import refuse_lone_arm
+from samrl_ros.log_import.draft.poses.point_pairs import refuse_point_pairs
 from samrl_ros.log_import.draft.poses.pose_draft import are_roles_sure, draft_pairs, draft_poses
 from samrl_ros.log_import.draft.readings.clock_draft import LEAST, draft_stamped_topic
 from samrl_ros.log_import.draft.readings.depth_draft import draft_depth_images
@@ -82,6 +83,7 @@ def _draft_tracks(paths: Sequence[Path], tables: Sequence[LoggedTable]) -> Draft
     if are_roles_sure(tracks):
         return draft_poses(tracks)
     refuse_lone_arm(tracks)
+    refuse_point_pairs(tracks)
     if any(is_of_a_machine(each, tracks) for each in tracks):
         return None
     if (pairs := draft_pairs(tracks)) is not None:

@@ -151,3 +151,19 @@ def test_means_of_a_few_distances_are_refused_with_what_to_give(tmp_path: Path) 
     path.write_text("actual_distance_m,count,measured_mean_m\n0.1,30,0.11\n0.2,30,0.21\n0.3,30,0.32\n")
     with pytest.raises(InputError, match="every reading, and not their mean.*trial_1"):
         draft_any([path], None, None)
+
+
+def test_the_same_points_in_two_frames_are_no_motions_of_a_body(tmp_path: Path) -> None:
+    grid = np.stack(np.meshgrid([0.2, 0.3], [0.0, 0.1], [0.1, 0.2, 0.3], indexing="ij"), axis=-1).reshape(
+        -1, 3
+    )
+    turn = Rotation.from_rotvec([0.3, 1.9, -0.4]).as_matrix()
+    np.savetxt(tmp_path / "measured_pts.txt", grid)
+    np.savetxt(
+        tmp_path / "observed_pts.txt", grid @ turn + [0.1, 0.0, 0.7] + RNG.normal(0.0, 1e-3, grid.shape)
+    )
+    files = sorted(tmp_path.iterdir())
+    with pytest.raises(InputError, match="same 12 points in two frames.*solvePnP"):
+        draft_any(files, None, None)
+    np.savetxt(files[1], RNG.normal(size=grid.shape))
+    draft_any(files, None, None)  # other numbers may be motions, and are asked about

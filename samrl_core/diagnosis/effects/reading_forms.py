@@ -22,6 +22,7 @@ class Polynomial(Form[ReadingTrial]):
     spreads: tuple[float, ...]  # standard deviations of the amplitudes before any data
     sign: float = 1.0
     surprise: float = 0.0  # [nat] by which the form is less likely before any data
+    done_by: str = ""  # family that can do the same at this place, whatever the readings
 
     def columns(self, trial: ReadingTrial, shape: Shape) -> Columns:
         return trial.columns(*(self.sign * trial.over**power for power in self.powers))
@@ -31,6 +32,9 @@ class Polynomial(Form[ReadingTrial]):
 
     def cost(self, trials: Sequence[ReadingTrial], shape: Shape) -> float:
         return self.surprise
+
+    def is_done_by(self, trial: ReadingTrial, name: str) -> bool:
+        return bool(self.done_by) and name == f"{self.done_by}@{self.place.name}"
 
     def parameters(self, trial: ReadingTrial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
         return dict(zip(self.amplitudes, map(float, amplitudes), strict=True))

@@ -125,6 +125,17 @@ def test_an_offset_of_depth_and_the_cameras_place_are_one_at_any_distance() -> N
     assert any("no recording of these readings splits" in reason for reason in d.reasons)
 
 
+@pytest.mark.parametrize("seed", range(2))
+def test_in_a_narrow_range_an_offset_of_depth_is_no_camera_that_moved_for_sure(seed: int) -> None:
+    """Nothing tells a factor there: a formula that has one, too, is no less the cause."""
+    rng = np.random.default_rng(seed)
+    true = np.repeat([0.1, 0.105, 0.11, 0.115], 30)
+    read = true + 0.019 + np.round(0.005 * rng.standard_normal(len(true)), 3)
+    d = told(ReadingRecording("near", "made", f"{seed:064x}", "depth", "lidar", np.arange(120.0), read, true))
+    assert d.verdict == "ambiguous"
+    assert set(d.ambiguity_set[0]) == {"depth_scale@sensor:lidar", "hand_eye@sensor:lidar"}
+
+
 def test_a_constant_offset_of_stamps_is_latency_or_clock() -> None:
     d = told(stamps(offset=0.03))
     assert d.verdict == "ambiguous" and d.next_experiment is None

@@ -27,7 +27,12 @@ class HandEyeByDepth(Effect[ReadingTrial]):
         return needs(trial, "depth")
 
     def forms(self, trial: ReadingTrial, place: Place) -> tuple[Form[ReadingTrial], ...]:
-        return (Polynomial(place=place, amplitudes=("z",), powers=(0,), spreads=(0.01,), sign=-1.0),)
+        # An offset of the sensor is the same at every depth, beside whatever else its scale does.
+        return (
+            Polynomial(
+                place=place, amplitudes=("z",), powers=(0,), spreads=(0.01,), sign=-1.0, done_by="depth_scale"
+            ),
+        )
 
 
 EFFECT = HandEyeByDepth()

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from samrl_core.common.errors import InputError
+from samrl_core.common.statistics import Share
 from samrl_core.common.streams import DEVELOPMENT, TEST
 from samrl_core.studies import cell_instances, purpose
 from samrl_core.studies.cell_instances import EXPERIMENT
@@ -42,9 +43,7 @@ def test_two_purposes_do_not_run_together(tmp_path: Path) -> None:
 
 def test_a_run_says_when_it_ran_and_beside_what(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setattr(cell_instances, "run_episodes", lambda log, jobs, workers, tell: [])
-    monkeypatch.setattr(
-        cell_instances, "rates", lambda cases: {"value": 1.0, "ci95": [0.9, 1.0], "trials": 1}
-    )
+    monkeypatch.setattr(cell_instances, "rates", lambda cases: Share.of([True]).as_dict())
     for _ in range(2):
         EXPERIMENT.result(Options(tmp_path, conditions=("typical_script",), count=1), print)
     runs = [json.loads(line) for line in (tmp_path / RUNS).read_text().splitlines()]

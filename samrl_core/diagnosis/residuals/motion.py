@@ -218,6 +218,17 @@ class RecordedMotion(SignalBand):
         elapsed = self.time - self.time[0]
         return np.round(np.floor(elapsed / period + 1e-6) * period * self.rate).astype(int)
 
+    def left_by_law(self, command: JointSignal, late: float) -> np.ndarray | None:
+        """Torque (F, J) that the law gives with a command so late [s] beyond the one that was asked for.
+
+        None where no torque was recorded, or of a command that the law does not follow.
+        """
+        tracked = self.as_tracked(command, late)
+        if tracked is None or self.asked is None:
+            return None
+        limit = self.limit()
+        return np.clip(self.law(tracked).total, -limit, limit) - self.asked
+
     def law_change(self, command: JointSignal) -> np.ndarray:
         """Torque (F, J) by which the law gives more with the recorded command than with this one.
 

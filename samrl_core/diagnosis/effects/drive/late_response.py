@@ -118,17 +118,15 @@ def clearest_delay_of_law(trial: Trial, joints: Sequence[int]) -> float:
     tells nothing, and half a delay twice as long is a valley of its own.
     """
     motion, key = trial.motion, ("left", "command")
-    told, asked = motion.recorded_command, motion.asked
-    if told is None or asked is None or motion.computed:
+    told = motion.recorded_command
+    if told is None or motion.asked is None or motion.computed:
         return 0.0
     if key not in trial.cached:
-        limit, left = motion.limit(), []
-        cut = bool(np.any(np.abs(motion.described_law.total) > limit))
-        for late in LAW_DELAYS_S if cut else ():
-            tracked = motion.as_tracked(told, late)
-            # Less its mean: nobody knows what an integral held when the recording began.
-            left.append(np.var(np.clip(motion.law(tracked).total, -limit, limit) - asked, axis=0))
-        trial.cached[key] = np.array(left).reshape(-1, trial.joints)
+        cut = bool(np.any(np.abs(motion.described_law.total) > motion.limit()))
+        left = [motion.left_by_law(told, late) for late in LAW_DELAYS_S] if cut else []
+        # Less its mean: nobody knows what an integral held when the recording began.
+        power = [np.var(each, axis=0) for each in left if each is not None]
+        trial.cached[key] = np.array(power).reshape(-1, trial.joints)
     scaled = trial.cached[key][:, list(joints)] / np.maximum(trial.scale[list(joints)], 1e-12) ** 2
     return float(LAW_DELAYS_S[int(np.argmin(np.sum(scaled, axis=1)))]) if len(scaled) else 0.0
 

@@ -10,7 +10,6 @@ import numpy as np
 from samrl_core.cell.types.arm_description import HELD, ArmController
 from samrl_core.cell.types.arm_recording import ArmRecording, JointSignal
 from samrl_core.cell.types.controllers import KINDS
-from samrl_core.diagnosis.residuals.laws.control_law import LawTerms
 from samrl_core.diagnosis.residuals.signals.sample_times import SampleTimes
 from samrl_core.diagnosis.residuals.signals.slopes import find_slopes
 
@@ -28,14 +27,8 @@ class Tracked(Protocol):
     def asked(self) -> np.ndarray | None:
         """Torque (F, J) that was asked for, as recorded."""
 
-    def limit(self) -> np.ndarray:
-        """(J,) of the controller's output [N m]."""
-
-    def as_tracked(self, command: JointSignal, late: float = 0.0) -> JointSignal | None:
-        """A command on the full-rate grid, so much [s] later than it was stamped."""
-
-    def law(self, command: JointSignal | None = None) -> LawTerms:
-        """The described law at the measured states."""
+    def left_by_law(self, command: JointSignal, late: float) -> np.ndarray | None:
+        """Torque (F, J) that the described law gives with a command so late [s] beyond what was asked for."""
 
     def times_of(self, time: np.ndarray, values: np.ndarray) -> SampleTimes:
         """When samples were taken."""
@@ -85,15 +78,8 @@ def damps_against_goals(motion: Tracked) -> bool:
 
 def _least_left(motion: Tracked, command: JointSignal) -> float:
     """Power of the recorded torque that the law leaves, with its command as late as suits it best."""
-    limit, left = motion.limit(), []
-    assert motion.asked is not None
-    for late in LATE_S:
-        tracked = motion.as_tracked(command, late)
-        if tracked is None:
-            return np.inf
-        law = np.clip(motion.law(tracked).total, -limit, limit)
-        left.append(float(np.mean((law - motion.asked) ** 2)))
-    return min(left)
+    left = (motion.left_by_law(command, late) for late in LATE_S)
+    return min(np.inf if each is None else float(np.mean(each**2)) for each in left)
 
 
 def with_goals_speed(motion: Tracked, command: JointSignal) -> JointSignal:

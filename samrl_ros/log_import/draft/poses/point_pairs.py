@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from samrl_core.common.errors import InputError
 from samrl_ros.log_import.draft.tracks.logged_tracks import LoggedTrack
@@ -43,10 +44,7 @@ def refuse_point_pairs(tracks: Sequence[LoggedTrack]) -> None:
 
 
 def _rest_of_fit(first: np.ndarray, second: np.ndarray) -> float | None:
-    """What the best turn and shift of the second (N, 3) leave of the first, by its spread; None of a line.
-
-    Kabsch 1976, A solution for the best rotation to relate two sets of vectors.
-    """
+    """What the best turn and shift of the second (N, 3) leave of the first, by its spread; None of a line."""
     keep = np.isfinite(first).all(axis=1) & np.isfinite(second).all(axis=1)
     a, b = first[keep] - first[keep].mean(axis=0), second[keep] - second[keep].mean(axis=0)
     if len(a) < LEAST_POINTS:
@@ -54,6 +52,5 @@ def _rest_of_fit(first: np.ndarray, second: np.ndarray) -> float | None:
     widths = np.linalg.svd(a, compute_uv=False)
     if widths[1] < FLAT * widths[0]:
         return None
-    left, _, right = np.linalg.svd(b.T @ a)
-    turn = left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
-    return float(np.linalg.norm(a - b @ turn) / np.linalg.norm(a))
+    _, left = Rotation.align_vectors(a, b)
+    return float(left / np.linalg.norm(a))

@@ -17,7 +17,7 @@ from samrl_ros.log_import.draft.blocks import numbers_of
 from samrl_ros.log_import.draft.column_names import is_time, words_in
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.readings.clock_draft import COUNTERS, describe_clocks, find_clocks
-from samrl_ros.log_import.draft.readings.trial_columns import Trials, find_trials
+from samrl_ros.log_import.draft.readings.trial_columns import Trials, find_trials, is_flat, numbered_names
 from samrl_ros.log_import.draft.text_layout import stated_options
 from samrl_ros.log_import.draft.tracks.logged_tracks import LoggedTable
 from samrl_ros.log_import.pose_specs import LENGTHS
@@ -47,7 +47,7 @@ def draft_readings(tables: Sequence[LoggedTable]) -> Draft | None:
         return None
     first = tables[0].table
     columns = {name: v for name in first.columns if (v := _numbers(first, name)) is not None}
-    stated = [name for name in first.columns if says_truth(name) and _is_column(first, name)]
+    stated = [name for name in first.columns if says_truth(name) and is_flat(first, name)]
     trials = find_trials(first, stated)
     if trials is None and len(tables) == 1:
         _refuse_means(first, stated)
@@ -60,7 +60,7 @@ def draft_readings(tables: Sequence[LoggedTable]) -> Draft | None:
     unsaid = not read and len(columns) == len(tables[0].table.columns) == 2
     if unsaid:  # `expected,measured`, without a time beside, which a log of a controlled joint has
         read = [name for name in columns if GIVEN & set(words_in(name))]
-    pairs = [(a, b) for a in read for b in true if _alike(columns[a], columns[b])]
+    pairs = [(a, b) for a in read for b in true if trials is None and _alike(columns[a], columns[b])]
     draft = Draft(about="Drafted by samrl bag draft. Every entry has its reason beside it; check them.")
     if trials is not None:
         used = _describe_trials(first, trials, draft)
@@ -84,11 +84,7 @@ def draft_readings(tables: Sequence[LoggedTable]) -> Draft | None:
     if stated := stated_options(tables[0].csv):
         source["csv"] = stated
     draft.sources["log"] |= source
-    if (
-        pairs
-        and trials is None
-        and any((each.table.numbers(used[0], "the log") == 0.0).any() for each in tables)
-    ):
+    if pairs and any((each.table.numbers(used[0], "the log") == 0.0).any() for each in tables):
         draft.sources["log"]["columns"]["reading"] = {"column": used[0], "empty": 0.0}
         draft.sources["log"]["missing"] = "drop_row"
         draft.note("sources.log.columns", f"{used[0]!r} is exactly zero at times: nothing was seen there")
@@ -159,7 +155,7 @@ def _describe_trials(table: Table, trials: Trials, draft: Draft) -> tuple[str, .
 
 def _refuse_means(table: Table, stated: Sequence[str]) -> None:
     """Raises `InputError` of a few distances beside as many readings, which are means or single ones."""
-    read = [name for name in table.columns if name not in stated and _is_column(table, name)]
+    read = [name for name in table.columns if name not in stated and is_flat(table, name)]
     read = [name for name in read if _says_depth(name) or _says_measured_length(name)]
     rows = max((len(table.numbers(name, "the log")) for name in stated), default=0)
     if read and 0 < rows < FEWEST:
@@ -168,11 +164,6 @@ def _refuse_means(table: Table, stated: Sequence[str]) -> None:
             " factor from noise. Give every reading, and not their mean, twenty or more in all at three"
             " distances: a row for each, distance_mm,depth_mm, or side by side, distance_mm,trial_1,trial_2"
         )
-
-
-def _is_column(table: Table, name: str) -> bool:
-    values = None if is_time(name) else numbers_of(table, name)
-    return values is not None and values.ndim == 1
 
 
 def _numbers(table: Table, name: str) -> np.ndarray | None:
@@ -185,13 +176,8 @@ def _numbers(table: Table, name: str) -> np.ndarray | None:
 
 def _zones(names: Sequence[str]) -> list[str]:
     """Columns of one name and a number, in its order, that many sensors' zones have; else none."""
-    found: dict[str, list[tuple[int, str]]] = {}
-    for name in names:
-        parts = _ZONE.fullmatch(name)
-        if parts is not None and set(words_in(parts[1])) & ZONES:
-            found.setdefault(parts[1], []).append((int(parts[2]), name))
-    most = max(found.values(), key=len, default=[])
-    return [name for _, name in sorted(most)] if len(most) >= LEAST_ZONES else []
+    found = numbered_names(names, _ZONE, ZONES)
+    return found if len(found) >= LEAST_ZONES else []
 
 
 def _says_depth(name: str) -> bool:

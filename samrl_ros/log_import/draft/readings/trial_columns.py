@@ -44,6 +44,23 @@ class Trials:
         return np.where(there, rows, 0.0).sum(axis=1) / np.maximum(there.sum(axis=1), 1)
 
 
+def numbered_names(names: Sequence[str], pattern: re.Pattern[str], words: frozenset[str]) -> list[str]:
+    """The most names that differ by a number alone, in its order, and have one of some words; else none.
+
+    Args:
+        names: of columns.
+        pattern: its first group is what stands before the number, its second the number.
+        words: of which what stands before it has one.
+    """
+    found: dict[tuple[str, ...], list[tuple[int, str]]] = {}
+    for name in names:
+        parts = pattern.fullmatch(name)
+        if parts is not None and set(words_in(parts[1])) & words:
+            stem = (parts[1], *parts.groups()[2:])
+            found.setdefault(stem, []).append((int(parts[2]), name))
+    return [name for _, name in sorted(max(found.values(), key=len, default=[]))]
+
+
 def find_trials(table: Table, truths: Sequence[str]) -> Trials | None:
     """Columns of trials whose means follow a column of distances in the same unit; None where there are none.
 
@@ -51,19 +68,11 @@ def find_trials(table: Table, truths: Sequence[str]) -> Trials | None:
         table: of the log.
         truths: columns that are called a true distance.
     """
-    groups: dict[tuple[str, str], dict[int, str]] = {}
-    for name in table.columns:
-        parts = _COUNTED.fullmatch(name)
-        values = None if is_time(name) else numbers_of(table, name)
-        if parts is None or values is None or values.ndim != 1:
-            continue
-        if set(words_in(parts[1])) & TRIALS:
-            groups.setdefault((parts[1], parts[3]), {})[int(parts[2])] = name
-    most = max(groups.values(), key=len, default={})
-    if len(most) < LEAST_TRIALS:
+    names = numbered_names([name for name in table.columns if is_flat(table, name)], _COUNTED, TRIALS)
+    if len(names) < LEAST_TRIALS:
         return None
     for reference in truths:
-        trials = Trials(tuple(most[k] for k in sorted(most)), reference)
+        trials = Trials(tuple(names), reference)
         means, stated = trials.means(table), np.asarray(table.numbers(reference, "the log"))
         both = np.isfinite(stated) & (stated > 0.0) & (means > 0.0)
         if both.sum() < LEAST_ROWS or np.ptp(stated[both]) == 0.0 or np.ptp(means[both]) == 0.0:
@@ -73,3 +82,9 @@ def find_trials(table: Table, truths: Sequence[str]) -> Trials | None:
         if follows and 1.0 / FARTHEST_OFF < share < FARTHEST_OFF:
             return trials
     return None
+
+
+def is_flat(table: Table, name: str) -> bool:
+    """Whether a column has one number a row, and is no time."""
+    values = None if is_time(name) else numbers_of(table, name)
+    return values is not None and values.ndim == 1

@@ -9,6 +9,7 @@ from samrl_core.studies.experiment import Experiment
 
 MODULES: dict[str, str] = {  # module of `samrl_core.studies`, by the experiment's name
     "cell_instances": "cell_instances",
+    "cell_residual": "cell_residual",
     "cell_sensitivity": "cell_sensitivity",
     "fig6": "paper.fig6",
     "fig7": "paper.fig7",

@@ -12,7 +12,8 @@ from samrl_core.common.errors import InputError
 from samrl_core.learning.sim.train_settings import TrainSettings
 from samrl_core.policy.networks.weights import weights_name
 from samrl_core.studies.job_queue import DEVICE, WORKERS, CommandJob
-from samrl_core.studies.paper.sample_efficiency import BUDGET, weights_at
+from samrl_core.studies.paper.residual_trainings import weights_at
+from samrl_core.studies.paper.sample_efficiency import BUDGET
 
 SEEDS = (1, 2, 3)  # of trainings; the package has the first one's networks
 OCCLUDED_SEED = 1

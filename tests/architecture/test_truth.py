@@ -57,7 +57,9 @@ MAY_KNOW_INSTANCES = {
     "samrl_core/cell/tasks/": "parts.Parts",  # the type alone
     "samrl_core/blind_test/camera_worlds/": "",  # sealed worlds: what they hold is no input of a diagnosis
     "samrl_core/studies/cell_instances.py": "",
+    "samrl_core/studies/cell_residual.py": "cell_instance.InstanceName",  # says which
     "samrl_core/studies/cell_sensitivity.py": "",
+    "samrl_core/studies/episodes/residual_episodes.py": "cell_instance.instance_named",  # builds the world
     "samrl_core/studies/episodes/world_episodes.py": "",
     "samrl_core/studies/restored_success.py": "",  # its answers are held against truth
     "samrl_core/studies/speed/camera_pictures.py": "",
@@ -79,6 +81,7 @@ MAY_DRAW = {
         "samrl_core/blind_test/camera_worlds/plan.py",
         "samrl_ros/nodes/bridge/sim_bridge.py",
         "samrl_ros/cell/local_graph.py",
+        "samrl_core/studies/episodes/residual_episodes.py",
         "samrl_core/studies/episodes/world_episodes.py",
         "samrl_core/studies/restored_success.py",
         "samrl_core/studies/speed/camera_pictures.py",

@@ -183,7 +183,7 @@ def test_settings_out_of_range_are_refused(bad: dict) -> None:
 def test_the_experiment_goes_on_where_it_was_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every point of every seed once, the picture, the weights, and nothing done twice."""
     from samrl_core.studies.experiment import Options
-    from samrl_core.studies.paper import calibration_gap, sample_efficiency
+    from samrl_core.studies.paper import calibration_gap, residual_trainings, sample_efficiency
 
     cells: list[FakeCell] = []
 
@@ -200,9 +200,9 @@ def test_the_experiment_goes_on_where_it_was_stopped(tmp_path: Path, monkeypatch
         assert max_actions == 40  # of a task with 100
         return replace(SETTINGS, points=points)
 
-    monkeypatch.setattr(sample_efficiency, "cell_named", lambda name: SMALL)
-    monkeypatch.setattr(sample_efficiency, "nominal_encoder", lambda *_: toy_cell.ENCODER)
-    monkeypatch.setattr(sample_efficiency, "_here", here)
+    monkeypatch.setattr(residual_trainings, "cell_named", lambda name: SMALL)
+    monkeypatch.setattr(residual_trainings, "nominal_encoder", lambda *_: toy_cell.ENCODER)
+    monkeypatch.setattr(residual_trainings, "_here", here)
     monkeypatch.setattr(sample_efficiency, "RunSettings", settings)
     monkeypatch.setattr(sample_efficiency, "POINTS", (0, 6))
 
@@ -233,27 +233,27 @@ def test_kept_weights_are_judged_long_after_they_were_trained(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A point whose case is missing comes to the same, though the run has gone on since."""
-    from samrl_core.studies.paper import sample_efficiency
+    from samrl_core.studies.paper import residual_trainings
 
-    monkeypatch.setattr(sample_efficiency, "cell_named", lambda name: SMALL)
+    monkeypatch.setattr(residual_trainings, "cell_named", lambda name: SMALL)
     play = FakeCell()
     settings = replace(SETTINGS, points=(6, 12))
-    job = sample_efficiency.TrainingJob(PLACE, 3, settings)
+    job = residual_trainings.TrainingJob(PLACE, 3, settings)
     one = ResidualRun(tmp_path / "run", PLACE, SMALL, toy_cell.ENCODER, 3, settings, play)
     at_once = []
     for point in settings.points:
         one.advance(point)
-        one.save_weights(sample_efficiency.weights_at(tmp_path, "toy", 3, point))
+        one.save_weights(residual_trainings.weights_at(tmp_path, "toy", 3, point))
         weights = weights_of(one._learner.actor, one._learner.updates)
         now = evaluated(play, PLACE, 3, settings, weights)
         at_once.append((one.steps, one._episodes, sum(now.successes), now.residual))
     for point, (steps, episodes, successes, residual) in zip(settings.points, at_once, strict=True):
-        case = sample_efficiency.evaluate_at(job, point, tmp_path, play)
+        case = residual_trainings.evaluate_at(job, point, tmp_path, play)
         assert (case["steps"], case["episodes"], case["successes"]) == (steps, episodes, successes)
         assert case["key"] == job.key(point) and residual > 0.0
         assert case["residual"] == pytest.approx(residual, rel=1e-2)
     with pytest.raises(InputError, match="steps_99"):
-        sample_efficiency.evaluate_at(job, 99, tmp_path, play)
+        residual_trainings.evaluate_at(job, 99, tmp_path, play)
 
 
 @pytest.mark.parametrize("processes", [1, 25, 200])

@@ -1,4 +1,4 @@
-"""Episodes in the world that differs, each identified by its order: in a process of its own or here.
+"""Episodes in a world that differs from the model, each known by its order: in a process of its own or here.
 
 The model's verdict is the reward, the truth is asked for once an episode has ended, and only counted.
 """
@@ -13,17 +13,19 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from samrl_core.cell.instance.cell_instance import instance_named
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.types.observation import Observation
 from samrl_core.cell.world.evaluation import evaluate_now
+from samrl_core.cell.world.pybullet.world import PyBulletWorld
 from samrl_core.common.errors import ReachError, SamrlError
 from samrl_core.learning.residual.replay import End, ReplayStep
 from samrl_core.model.model import Model
 from samrl_core.policy.agent.agent import Agent
 from samrl_core.policy.agent.episode import Episode, run_episode
 from samrl_core.policy.agent.loop import LoopSettings
-from samrl_core.policy.agent.policies import STRATEGY_OF
+from samrl_core.policy.agent.policies import STRATEGY_OF, TOUCH
 from samrl_core.policy.agent.settings import AgentSettings, trained_networks
 from samrl_core.policy.networks.networks import ResidualActor
 from samrl_core.policy.view.sensing_value import Networks
@@ -41,15 +43,22 @@ class EpisodeSite:
     """Which world, and which nominal policy acts in it."""
 
     task: str
-    policy: str  # of `samrl_core.policy.agent.policies.POLICIES`
+    policy: str  # of `samrl_core.policy.agent.policies.RUN_POLICIES`
     weights: Path | None  # folder of trained networks, None: the package's
     offset: tuple[float, float, float]  # of the camera arm's base from where calibration has it, in world [m]
     cell: str = DEFAULT_CELL  # that the policy knows
+    instance: str = ""  # that the world is in place of `differing_world`, which takes the offset
+
+    @property
+    def name(self) -> str:
+        """Of its task and, where it is one, its cell instance; for keys and folders."""
+        return f"{self.task}-{self.instance.replace(':', '-')}" if self.instance else self.task
 
     @property
     def max_actions(self) -> int:
-        """Of an episode here."""
-        return round(SHARE_OF_ACTIONS * task_named(self.task).max_actions)
+        """Of an episode here; a cell instance's has as many as the task allows."""
+        share = 1.0 if self.instance else SHARE_OF_ACTIONS
+        return round(share * task_named(self.task).max_actions)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,10 +100,15 @@ class Stage:
     """
 
     def __init__(self, site: EpisodeSite) -> None:
-        """Builds the model and compiles what the agent needs."""
+        """Builds the model and compiles what the agent needs, whatever world the site has."""
         self._cell, self._task = cell_named(site.cell), task_named(site.task)
-        self._offset = site.offset
-        self._settings = AgentSettings(policy=site.policy, strategy=STRATEGY_OF[site.policy])
+        touch = site.policy == TOUCH
+        self._settings = AgentSettings(
+            policy="optimised" if touch else site.policy,
+            strategy=STRATEGY_OF[site.policy],
+            tip_offset=touch,
+            touch=touch,
+        )
         networks: Networks | None = None
         if self._settings.needs_networks:
             networks = trained_networks(site.task, self._cell, site.weights)
@@ -105,7 +119,7 @@ class Stage:
     def play(self, order: Order) -> Played:
         """One episode from its scene on."""
         self._agent.restart(self._exploring(order), _residual(order))
-        world = differing_world(self._task, self._cell, self._offset)
+        world = self._world_of(order.site)
         plant = _PatientPlant(WorldPlant(world, self._task, self._cell))
         plant.begin(order.seed)
         steps: tuple[ReplayStep, ...] = ()
@@ -118,6 +132,11 @@ class Stage:
         outcome = evaluate_now(world, self._task)
         world.close()
         return Played(steps, ended, why, outcome.success, outcome.final_error)
+
+    def _world_of(self, site: EpisodeSite) -> PyBulletWorld:
+        if not site.instance:
+            return differing_world(self._task, self._cell, site.offset)
+        return PyBulletWorld(self._task, self._cell, instance=instance_named(site.instance, self._cell))
 
     def _exploring(self, order: Order) -> AgentSettings:
         return replace(
@@ -161,8 +180,8 @@ def _stage(site: EpisodeSite) -> Stage:
 
 
 def play(order: Order) -> Played:
-    """One episode, on the stage that this process holds for its site."""
-    return _stage(order.site).play(order)
+    """One episode, on the stage that this process holds for all worlds of its task and policy."""
+    return _stage(replace(order.site, offset=(0.0, 0.0, 0.0), instance="")).play(order)
 
 
 class _PatientPlant:

@@ -57,8 +57,8 @@ class ResidualRun:
         capacity = settings.points[-1] + settings.episodes * settings.max_actions
         self._replay = Replay.write(folder / "replay.bin", ReplayInfo(site.task, cell.intrinsics, capacity))
         described = {**asdict(settings), "learner": settings_to_json(settings.learner)}
-        default = ("cell", DEFAULT_CELL)  # left out, as runs before cells had names did
-        where = {key: value for key, value in asdict(site).items() if (key, value) != default}
+        defaults = {("cell", DEFAULT_CELL), ("instance", "")}  # left out, as runs before there were such did
+        where = {key: value for key, value in asdict(site).items() if (key, value) not in defaults}
         about = {"place": where, "seed": seed, "settings": described}
         about["encoder"] = encoder_sha256(encoder)
         self._about = {name: _plain(value) for name, value in about.items()}

@@ -179,6 +179,7 @@ def prepare(options: CellOptions) -> Path:
     overlay: dict[str, dict[str, Any]] = {}
     if options.params is not None:
         overlay = load_parameters(options.params, EXECUTABLES)
+    _refuse_idle_residual(options, overlay)
     parameters = _parameters(options, overlay)
     out = options.out
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
@@ -242,6 +243,19 @@ def _require_residual(options: CellOptions, file: Path) -> None:
         load_weights(file, "residual_actor", options.task, cell_named(options.cell))
     except InputError as error:
         raise InputError(f"--residual: {error}") from error
+
+
+def _refuse_idle_residual(options: CellOptions, overlay: dict[str, dict[str, Any]]) -> None:
+    if options.policy != TOUCH or felt_surface(task_named(options.task)) is not None:
+        return
+    trainer = overlay.get("residual_trainer", {})
+    asked = [f"{name} of residual_trainer" for name in ("train", "folder", "residual") if trainer.get(name)]
+    asked += ["--residual"] if options.residual is not None else []
+    if asked:
+        raise InputError(
+            f"{asked[-1]} is for planned actions: a peg that --policy {TOUCH} leads by what it touches has "
+            f"no residual; leave it out, or give --policy optimised"
+        )
 
 
 def _parameters(options: CellOptions, overlay: dict[str, dict[str, Any]]) -> dict[str, Any]:

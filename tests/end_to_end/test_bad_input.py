@@ -205,6 +205,12 @@ def test_an_option_goes_to_the_node_it_is_for(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="leave out --residual"):
         prepare(replace(mine, params=training, out=tmp_path / "both"))
     assert not (tmp_path / "both").exists()
+    hard = CellOptions(task="peg_insertion_hard", episodes=1, seed=0, out=tmp_path / "hard")
+    for given, said in (({"residual": file}, "--residual is"), ({"params": training}, "folder of residual_")):
+        with pytest.raises(InputError, match=f"^{said}.*--policy touch.*leave it out"):
+            prepare(replace(hard, **given))
+    assert not hard.out.exists()
+    prepare(replace(hard, residual=file, policy="optimised", strategy="best"))
 
 
 def test_a_replay_of_an_older_run_ends_as_that_did(tmp_path: Path) -> None:

@@ -56,7 +56,8 @@ def write_picture(tasks: dict[str, dict[str, Any]], path: Path) -> None:
         shares = [one["success"]["value"] for one in curve]
         counts = [len(one["by_seed"]) for one in curve]
         fewest, most = min(counts), max(counts)
-        label = f"{most if fewest == most else f'{fewest} to {most}'} seeds, 95 % (Wilson)"
+        runs = f"{most} seed{'s' * (most > 1)}" if fewest == most else f"{fewest} to {most} seeds"
+        label = f"{runs}, 95 % (Wilson)"
         axes.plot(steps, shares, color="C0", linewidth=1.8, marker="o", markersize=4, label=label)
         axes.set_xscale("symlog", linthresh=250.0)
         axes.set_xlim(0, max(steps[-1], 1.0))

@@ -123,7 +123,7 @@ def draw_sensitivity(task: str, points: dict[str, dict[str, Any]], path: Path) -
         there.sort(key=lambda one: one[0])
         scale = np.array([s for s, _ in there])
         share = 100 * np.array([row["value"] for _, row in there])
-        ends = 100 * np.array([row["ci95"] for _, row in there])
+        ends = 100 * np.array([row["ci95"] for _, row in there]).reshape(-1, 2)  # a group may have no point
         errors = np.clip(np.stack([share - ends[:, 0], ends[:, 1] - share]), 0.0, None)
         axis.errorbar(scale, share, yerr=errors, marker="o", capsize=3, color=MATTERS if matters else OTHER)
         axis.set_xscale("log", base=2)

@@ -54,8 +54,9 @@ def test_who_acts_is_who_a_run_has(task: str, touch: bool, policy: str) -> None:
 def test_a_picture_is_drawn_of_what_there_is(tmp_path: Path) -> None:
     row = {"value": 0.75, "ci95": (0.3, 0.95), "trials": 4}
     some = {name: row for name in POINTS if not name.endswith("_x0.5")}
-    draw_sensitivity(DEFAULT, some, tmp_path / "picture.png")
-    assert (tmp_path / "picture.png").read_bytes().startswith(b"\x89PNG")
+    for number, points in enumerate((some, {"grip_x4": row})):  # eight groups of the second have no point
+        draw_sensitivity(DEFAULT, points, tmp_path / f"{number}.png")
+        assert (tmp_path / f"{number}.png").read_bytes().startswith(b"\x89PNG")
 
 
 def _against(lost: float, p: float) -> dict[str, object]:

@@ -29,8 +29,6 @@ class SurfaceSettings:
     slow_step: float = 0.001  # 2 mm in 0.1 s would hit it with 18 N [m]
     aligned: float = 0.004  # lateral distance from where it goes down [m]
     touch: float = 1.2  # vertical force that is a touch, of a tip that sinks no more [N]
-    early: float = 3.0  # the same over where it is expected: fast steps scatter what is read by 1 N [N]
-    blocked: float = 2.0  # the same there of a tip that goes on aside and sinks by half as much as before [N]
     stops: float = 0.0005  # it sank by less since the last reading [m]
     slides: float = 0.003  # and went aside by less: what is moved level does not sink either [m]
     most_lift: float = 0.003  # of the command, which is below a touched surface [m]
@@ -64,7 +62,6 @@ class SurfaceTouch:
         self._touched: float | None = None  # height of the tip by the encoders [m]
         self._lift = 0.0  # of the commanded tip, which is below the touched surface, up to it [m]
         self._tip = np.full(3, np.inf)  # at the last reading, by the encoders (3,) [m]
-        self._sank = 0.0  # between the two readings before [m]
         self._seen_ns = -1  # stamp of the last reading [ns]
 
     @property
@@ -88,21 +85,18 @@ class SurfaceTouch:
         push, height = -float(reading.force[2]), float(reading.tip[2])
         slow, _ = self._expected(values)
         way, self._tip = reading.tip - self._tip, reading.tip
-        aside, before, self._sank = float(np.linalg.norm(way[:2])), self._sank, -float(way[2])
-        if self._free is None:
-            self._free, self._sank = push, 0.0
+        if self._free is None or height > slow + s.slow_step:
+            self._free = push if self._free is None else 0.5 * (self._free + push)
             return
-        above = height > slow + s.slow_step
-        stands = self._sank < s.stops and aside < s.slides
-        blocked = above and aside > s.stops and before > s.stops and self._sank < 0.5 * before
         beside = reading.tip[0] < self._task.behind_x(values) + 0.5 * self._task.gap
-        pushed = push - self._free > (s.blocked if blocked else s.early if above else s.touch)
-        if pushed and beside and (stands or blocked):
-            self._touched = height
-            give = float(reading.compliance[2, 2]) * (push - self._free)
-            self._lift = min(give, s.most_lift)
-        elif above or not pushed:
-            self._free += (0.5 if above else 0.3) * (push - self._free)
+        if push - self._free > s.touch:
+            aside = float(np.linalg.norm(way[:2]))
+            if beside and -way[2] < s.stops and aside < s.slides:
+                self._touched = height
+                give = float(reading.compliance[2, 2]) * (push - self._free)
+                self._lift = min(give, s.most_lift)
+        else:
+            self._free += 0.3 * (push - self._free)
 
     def move(self, values: np.ndarray, tip: np.ndarray) -> np.ndarray | None:
         """The next action (3,) [m] of a tip (3,) [m] towards a touch, and that which ends pressing after it.

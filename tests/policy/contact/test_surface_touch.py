@@ -83,17 +83,6 @@ def test_a_plate_is_felt_gently_to_a_fraction_of_a_millimetre(height: float) -> 
     assert not again.known and again.height == 0.0
 
 
-@pytest.mark.parametrize(("height", "shown"), [(0.0075, 0.002), (0.010, 0.004), (0.015, 0.0)])
-def test_a_plate_over_where_it_is_expected_is_felt_before_it_bends_the_blade(
-    height: float, shown: float
-) -> None:
-    """Fast steps meet it: what pushes there was taken for what is read with nothing touched, up to 112 N."""
-    plate = SpringPlate(height)
-    touch, actions = feel(plate, values_of(shown))
-    assert touch.known and touch.height == pytest.approx(height, abs=2e-4)
-    assert actions <= 12 and plate.largest < 0.9 * task().force_limit
-
-
 def test_what_the_camera_shows_saves_way() -> None:
     """A plate that is shown 4 mm low is looked for lower: fewer slow steps, and the same height."""
     plain, shown = (feel(SpringPlate(-0.004), values_of(z)) for z in (0.0, -0.004))

@@ -156,7 +156,7 @@ def prepare(options: CellOptions) -> Path:
         raise InputError(f"--episodes is {options.episodes}, must be at least 1")
     if options.policy not in RUN_POLICIES:
         raise InputError(f"--policy is {options.policy!r}, must be one of {', '.join(RUN_POLICIES)}")
-    if options.policy == TOUCH and felt_surface(task_named(options.task)) is None:
+    if _leads_peg(options):
         require_peg(task_named(options.task))
     if options.strategy not in STRATEGIES:
         raise InputError(f"--strategy is {options.strategy!r}, must be one of {', '.join(STRATEGIES)}")
@@ -245,16 +245,21 @@ def _require_residual(options: CellOptions, file: Path) -> None:
         raise InputError(f"--residual: {error}") from error
 
 
+def _leads_peg(options: CellOptions) -> bool:
+    return options.policy == TOUCH and felt_surface(task_named(options.task)) is None
+
+
 def _refuse_idle_residual(options: CellOptions, overlay: dict[str, dict[str, Any]]) -> None:
-    if options.policy != TOUCH or felt_surface(task_named(options.task)) is not None:
+    if not _leads_peg(options):
         return
     trainer = overlay.get("residual_trainer", {})
-    asked = [f"{name} of residual_trainer" for name in ("train", "folder", "residual") if trainer.get(name)]
-    asked += ["--residual"] if options.residual is not None else []
-    if asked:
+    given = {"--residual": options.residual}
+    given |= {f"{name} of residual_trainer": trainer.get(name) for name in ("residual", "folder", "train")}
+    asked = next((name for name, value in given.items() if value), None)
+    if asked is not None:
         raise InputError(
-            f"{asked[-1]} is for planned actions: a peg that --policy {TOUCH} leads by what it touches has "
-            f"no residual; leave it out, or give --policy optimised"
+            f"{asked} is for planned actions: a peg that --policy {TOUCH} leads by what it touches has no "
+            f"residual; leave it out, or give --policy optimised"
         )
 
 

@@ -13,6 +13,7 @@ from samrl_core.common.array_file import UNREADABLE
 from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_file, is_folder
 from samrl_ros.log_import.formats.arrays import read_mat_table, read_numpy_table
+from samrl_ros.log_import.formats.echoed_topic import is_echo
 from samrl_ros.log_import.formats.hdf5 import read_hdf5_table
 from samrl_ros.log_import.formats.json_log import read_json_table
 from samrl_ros.log_import.formats.parquet import (
@@ -87,7 +88,9 @@ _OTHERS = (".urdf", ".xacro", ".xml", ".md", ".py", ".m", ".html", ".svg")  # te
 def is_text_table(path: Path) -> bool:
     """Whether a file is a table in text: by its suffix, or by its first lines where that is unknown."""
     suffix = path.suffix.lower()
-    if suffix in TEXT_SUFFIXES or suffix in SUFFIXES or suffix in _OTHERS or is_bag(path):
+    if is_bag(path):
+        return False
+    if suffix in TEXT_SUFFIXES or suffix in SUFFIXES or suffix in _OTHERS:
         return suffix in TEXT_SUFFIXES
     if not is_file(path):
         return False
@@ -128,7 +131,7 @@ def read_table(path: Path, options: CsvOptions, where: str, part: str = "") -> T
     if is_of_views(path):
         return read_views(path, where)
     if is_bag(path) and (is_file(path) or is_folder(path)):
-        if not part:
+        if not part and not is_echo(path):
             raise InputError(f"{where}: {path.name} is a bag; name the topic with `part`")
         if (frames := frames_of(part)) is not None:
             return read_transform_table(path, *frames, where)

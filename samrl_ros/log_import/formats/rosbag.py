@@ -1,4 +1,7 @@
-"""ROS bags of any kind: rosbag2 in MCAP or sqlite3, and ROS 1; a topic of one is a part."""
+"""ROS bags of any kind: rosbag2 in MCAP or sqlite3, and ROS 1; a topic of one is a part.
+
+The echo of a topic is a bag too: its one topic has no name, and its stamps stand for the recorder's clock.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +18,7 @@ from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_file, is_folder
 from samrl_ros.bags.reader import open_bag
 from samrl_ros.log_import.formats.control_msgs import RELEASES
+from samrl_ros.log_import.formats.echoed_topic import is_echo, read_echo
 from samrl_ros.log_import.formats.message_fields import flatten
 from samrl_ros.log_import.table import Table, rows_as_column
 
@@ -25,8 +29,8 @@ SUFFIXES = (".mcap", ".db3", ".bag")
 class LoggedTopic:
     """A topic of a bag."""
 
-    name: str
-    type: str  # package/msg/Name, for ROS 1 too
+    name: str  # empty of an echo
+    type: str  # package/msg/Name, for ROS 1 too; empty of an echo whose fields no message has
     count: int  # [messages]
 
 
@@ -34,13 +38,16 @@ def is_bag(path: Path) -> bool:
     """Whether a path is a bag, by its suffix or what lies in the folder."""
     if is_folder(path):
         return is_file(path / "metadata.yaml") or any(path.glob("*.mcap"))
-    return path.suffix.lower() in SUFFIXES
+    return path.suffix.lower() in SUFFIXES or is_echo(path)
 
 
 def list_topics(path: Path, where: str) -> tuple[LoggedTopic, ...]:
     """Topics that hold messages, by name. Raises `InputError` if the bag cannot be opened."""
     if is_mcap(path):
         return tuple(LoggedTopic(t.name, t.type, t.count) for t in open_bag(path).topics if t.count)
+    if is_echo(path):
+        echo = read_echo(path, where)
+        return (LoggedTopic("", echo.kind, len(echo.messages)),)
     with _opened(path, where) as reader:
         found = [
             LoggedTopic(name, about.msgtype or "", about.msgcount) for name, about in reader.topics.items()
@@ -53,6 +60,9 @@ def read_span(path: Path, where: str) -> tuple[int, int]:
     if is_mcap(path):
         bag = open_bag(path)
         return bag.start_ns, bag.end_ns
+    if is_echo(path):
+        stamps = [stamp for stamp, _ in read_echo(path, where).messages]
+        return min(stamps), max(stamps)
     with _opened(path, where) as reader:
         return int(reader.start_time), int(reader.end_time)
 
@@ -99,7 +109,10 @@ def read_topic_table(path: Path, topic: str, where: str) -> Table:
         },
     )
     log_time = np.array(logged, dtype=np.int64) * 1e-9
-    table.columns["log_time"] = log_time
+    if is_echo(path):
+        table.notes += read_echo(path, where).notes
+    else:
+        table.columns["log_time"] = log_time
     stamps = table.columns.get("header.stamp")
     if isinstance(stamps, np.ndarray) and stamps.any():
         table.time = stamps
@@ -123,6 +136,13 @@ def read_messages(path: Path, topic: str, where: str) -> Iterator[tuple[int, Any
     if is_mcap(path):
         for raw, message in open_bag(path).decoded([topic]):
             yield raw.log_time_ns, message
+        return
+    if is_echo(path):
+        if topic:
+            raise InputError(
+                f"{where}: {path.name} is the echo of one topic, so no {topic!r}; leave `part` out"
+            )
+        yield from read_echo(path, where).messages
         return
     faults = []
     for release in RELEASES:

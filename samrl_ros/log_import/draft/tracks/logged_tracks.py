@@ -353,8 +353,9 @@ def _topics(path: Path) -> list[LoggedTable]:
     for topic in list_topics(path, "the log"):
         if topic.type in POSES | DETECTORS and topic.count >= LEAST:
             table = read_table(path, CsvOptions(), "the log", topic.name)
-            header = read_frames(path, topic.name, "the log")
-            out.append(LoggedTable(path, table, topic.name, header))
+            child, parent = read_frames(path, topic.name, "the log")
+            child = child or (path.stem if parent and not topic.name else "")  # of an echo its file says it
+            out.append(LoggedTable(path, table, topic.name, (child, parent)))
     return out
 
 

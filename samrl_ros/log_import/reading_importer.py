@@ -117,8 +117,13 @@ def import_readings(spec: ReadingRecordingSpec, text: str, data: Path) -> Import
     if reading.ndim == 2:
         time, reading, reference = _one_after_another(time, reading, reference)
     keep = np.ones(len(reading), dtype=bool)
+    log = spec.sources[spec.source_of(spec.readings)]
+    if any((each.missing or log.missing) == "drop_cell" for each in log.columns.values()):
+        keep = np.isfinite(reading) & np.isfinite(reference)
+        if not keep.any():
+            raise InputError(f"{where}: no row has a reading beside its reference; is a column empty?")
     if given.surface is not None:
-        keep = nearest_surfaces(numbers("image"), numbers("surface"), reading, reference, where, notes)
+        keep &= nearest_surfaces(numbers("image"), numbers("surface"), reading, reference, where, notes)
     tolerances = ReadingTolerances()
     if spec.tolerances is not None:
         try:

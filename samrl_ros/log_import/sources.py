@@ -73,6 +73,11 @@ def read_source(
         raise InputError(f"{where}.time: row {int(np.flatnonzero(bad_time)[0])} has no time")
     for key, values in columns.items():
         rule = source.columns[key].missing or source.missing
+        if rule == "drop_cell" and not untimed:
+            raise InputError(
+                f"{where}.columns.{key}: `missing: drop_cell` is for trials of a depth side by side; use"
+                " drop_row, hold or linear"
+            )
         keep &= _fill(values, rule, time, keep, f"{where}.columns.{key}", notes)
     if source.time is not None and source.time.repeated == "drop":
         keep = _without_repeated(time, keep, where, notes)
@@ -225,6 +230,8 @@ def _fill(
     notes.append(f"{where}: {count} missing cells, {rule}")
     if rule == "drop_row":
         return np.logical_not(absent)
+    if rule == "drop_cell":  # the cell stays NaN
+        return np.ones(len(keep), dtype=bool)
     row, inside = np.arange(len(keep)), np.ones(len(keep), dtype=bool)
     for column, gap in zip(cells.T, empty.T, strict=True):  # views: the fill lands in `values`
         known = np.flatnonzero(~gap & np.isfinite(time))

@@ -21,7 +21,7 @@ CHANNELS = {
     "commanded_effort": ("effort",),
     "torque_enabled": ("enabled",),
 }
-Missing = Literal["error", "drop_row", "hold", "linear"]
+Missing = Literal["error", "drop_row", "drop_cell", "hold", "linear"]  # drop_cell: of trials of a depth
 Formula = Any  # text or number; `evaluate` refuses the rest with the key path
 
 

@@ -10,6 +10,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -140,9 +141,15 @@ _FAST_LOADER = _number_loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader))
 
 
 def _parse_message(text: str, where: str) -> dict[str, Any]:
-    longest = max(map(len, text.split("\n")))
-    deep = longest > _LONGEST_LINE or text.count("[") + text.count("{") > _MOST_BRACKETS
-    fields = parse_yaml(text, where, _SAFE_LOADER if deep else _FAST_LOADER)
+    loader = _FAST_LOADER
+    brackets = [1 if each in "[{" else -1 for each in re.findall(r"[\[\]{}]", text)]
+    if len(brackets) > _MOST_BRACKETS or max(map(len, text.split("\n"))) > _LONGEST_LINE:
+        if max(accumulate(brackets), default=0) > _MOST_BRACKETS:  # Python's reader takes a second to say so
+            raise InputError(
+                f"{where} is nested too deeply; at most {_MOST_BRACKETS} brackets are open at once"
+            )
+        loader = _SAFE_LOADER
+    fields = parse_yaml(text, where, loader)
     if not isinstance(fields, dict):
         raise InputError(f"{where} is no message: {text.strip()[:60]!r}; take out what was not echoed")
     return fields

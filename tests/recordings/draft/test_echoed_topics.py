@@ -145,8 +145,8 @@ def test_a_prompt_above_and_frames_of_ros_1_are_read(tmp_path: Path) -> None:
         ((header(0, "a") + "---\n") * 2, "no message is stamped.*ros2 bag record"),
         (header(1, "a") + "b: {c\n---\n", "no YAML"),
         (header(1, "a") + "---\nhello\n---\n", "message 2 is no message"),
-        (header(1, "a") + "---\nheader: " + "[" * 3_000 + "\n---\n", "nested too deeply"),
-        (header(1, "a") + "---\nheader: \n" + "- " * 3_000 + "\n---\n", "nested too deeply"),
+        (header(1, "a") + "---\nheader: " + "[" * 50_000 + "\n---\n", "nested too deeply"),
+        (header(1, "a") + "---\nheader: \n" + "- " * 50_000 + "\n---\n", "nested too deeply"),
     ],
     ids=["two topics", "no stamps", "no YAML", "no message", "deep in a line", "deep in dashes"],
 )

@@ -12,6 +12,8 @@ from samrl_core.common.errors import InputError
 from samrl_ros.log_import.draft.any_draft import draft_any
 from samrl_ros.log_import.draft.tracks.logged_tracks import read_logged_tables
 from samrl_ros.log_import.draft.writing import as_yaml
+from samrl_ros.log_import.importer import import_recording
+from samrl_ros.log_import.mapping import parse_mapping
 from samrl_ros.log_import.reading_importer import readings_of
 
 VIEWS = 9
@@ -144,6 +146,35 @@ def test_trials_side_by_side_are_readings_of_their_rows_distance(
     np.testing.assert_allclose(made.recording.reading, metres * read.ravel(), atol=2e-5)
     np.testing.assert_allclose(made.recording.reference, metres * np.repeat(true, 12))
     assert (np.diff(made.recording.time) > 0).all()
+
+
+def test_an_empty_trial_leaves_the_others_of_its_row(tmp_path: Path) -> None:
+    """The row was left out whole: of three distances one, and twelve readings, for one cell."""
+    true = np.array([0.3, 0.5, 0.7])
+    read = 1.03 * true[:, None] * (1.0 + 0.002 * RNG.normal(size=(3, 12)))
+    rows = [",".join([f"{d}", *(f"{v:.5f}" for v in each)]) for d, each in zip(true, read, strict=True)]
+    rows[1] = rows[1].replace(f"{read[1, 4]:.5f}", "")
+    path = tmp_path / "tof.csv"
+    path.write_text("\n".join([",".join(["distance_m", *(f"trial_{k}" for k in range(12))]), *rows]))
+    draft = draft_any([path], None, None)
+    draft.guesses.clear()  # answered
+    (made,) = readings_of(as_yaml(draft), tmp_path / "mapping.yaml", tmp_path)
+    np.testing.assert_allclose(made.recording.reading, np.delete(read.ravel(), 16), atol=1e-5)
+    np.testing.assert_allclose(made.recording.reference, np.delete(np.repeat(true, 12), 16))
+    assert any("1 missing cells, drop_cell" in note for note in made.notes)
+
+
+def test_empty_cells_are_left_out_of_trials_alone(tmp_path: Path) -> None:
+    path = tmp_path / "arm.csv"
+    path.write_text("t,q\n" + "".join(f"{0.01 * k},{'' if k == 7 else 0.1 * k}\n" for k in range(60)))
+    text = (
+        "joints: [a]\n"
+        "sources: {log: {file: arm.csv, time: {column: t}, columns: {q: q}, missing: drop_cell}}\n"
+        "channels: {states: {source: log, position: {formula: q, unit: rad}}}\nrecordings: [{name: a}]\n"
+    )
+    mapping = parse_mapping(text, tmp_path / "mapping.yaml")
+    with pytest.raises(InputError, match="drop_cell.*trials of a depth.*drop_row"):
+        import_recording(mapping.recordings[0], mapping, tmp_path)
 
 
 def test_means_of_a_few_distances_are_refused_with_what_to_give(tmp_path: Path) -> None:

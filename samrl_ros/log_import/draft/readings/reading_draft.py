@@ -89,7 +89,7 @@ def draft_readings(tables: Sequence[LoggedTable]) -> Draft | None:
         draft.sources["log"]["missing"] = "drop_row"
         draft.note("sources.log.columns", f"{used[0]!r} is exactly zero at times: nothing was seen there")
     if any(np.isnan(each.table.numbers(name, "the log")).any() for each in tables for name in used):
-        draft.sources["log"]["missing"] = "drop_row"
+        draft.sources["log"]["missing"] = "drop_row" if trials is None else "drop_cell"
     paths = [each.path for each in tables]
     draft.recordings = [{"name": path.stem, "role": "fit"} for path in paths]
     if len(paths) > 1:

@@ -100,6 +100,29 @@ def test_what_falls_along_one_axis_is_a_body_and_no_joint(
     assert draft.bodies["track"]["axes"] == "z" and draft.bodies["gravity"] == [0.0, 0.0, -9.81 * up]
 
 
+@pytest.mark.parametrize(
+    "head", ["time (s),x position (m),y position (m)", "t [s],X Coordinate [m],Y Coordinate [m]"]
+)
+def test_letters_before_the_word_for_a_place_are_axes_of_one_body(tmp_path: Path, head: str) -> None:
+    """A puck seen from above was drafted as a joint in radians, a tossed ball was refused as too short."""
+    t = np.arange(60) / 60.0
+    for name, across in (("puck", 0.7 * t - 0.3 * t**2), ("ball", 5.0 * t - 0.5 * 9.81 * t**2)):
+        rows = [f"{a:.4f},{0.2 + 0.4 * a:.5f},{b:.5f}" for a, b in zip(t, across, strict=True)]
+        (tmp_path / f"{name}.csv").write_text("\n".join([head, *rows]))
+    slides = draft_any([tmp_path / "puck.csv"], None, None)
+    assert slides.bodies["track"]["axes"] == "xy" and slides.bodies["track"]["unit"] == "m"
+    assert [q for q in slides.questions if "level plane" in q] == slides.questions
+    flies = draft_any([tmp_path / "ball.csv"], None, None)
+    assert flies.bodies["gravity"] == [0.0, pytest.approx(-9.81, abs=0.01), 0.0] and not flies.questions
+
+
+def test_letters_of_a_gantry_stay_joints(tmp_path: Path) -> None:
+    wave = np.sin(np.arange(80) / 9.0)
+    rows = [f"{k / 60:.4f},{a:.5f},{b:.5f}" for k, (a, b) in enumerate(zip(wave, wave**2, strict=True))]
+    (tmp_path / "run.csv").write_text("\n".join(["time,x_pos,y_pos", *rows]))
+    assert draft_any([tmp_path / "run.csv"], None, None).joints == ["x", "y"]
+
+
 def test_a_position_that_does_not_fall_stays_a_joints(tmp_path: Path) -> None:
     time = 0.01 * np.arange(60)
     rows = np.column_stack([time, 0.2 * np.sin(3.0 * time)])

@@ -22,6 +22,7 @@ _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 _UNITS = {"m": "m", "cm": "cm", "mm": "mm", "rad": "rad", "deg": "deg", "in": "in", "px": "px"}
 _POSITION = {"p", "pos", "position", "t", "trans", "translation", "tvec", "loc", "location", "xyz"}
 _ALONE = {"position", "pos", "posicion", "posicao", "posizione"}  # of what moves along one axis, with a unit
+_PLACES = _ALONE | {"coordinate", "coord", "location", "loc"}  # behind a letter: x position (m)
 _HEIGHT = {"height", "altitude", "altura", "hoehe", "hohe", "hauteur", "altezza", "h"}
 _IN_PLANE = {"xy", "xz", "yz"}  # of arrays with two numbers
 _QUATERNION = {"q", "quat", "quaternion", "orientation", "rotation", "rot", "ori"}
@@ -70,6 +71,9 @@ def find_positions(table: Table, plural: bool = False) -> list[FoundTrack]:
         unit = table.units.get(name, "")
         if len(words) > 1 and words[-1] in _UNITS:
             unit, words = unit or _UNITS[words[-1]], words[:-1]
+        if unit and len(words) > 1 and words[-1] in _PLACES and words[-2] in _LETTERS[:3]:
+            # Without a unit, x_pos is a gantry's joint as often.
+            words = [*words[:-2], words[-1], words[-2]]
         if values.ndim == 2:
             _add_array(found, name, words, values, unit)
         elif (one := _component(words)) is not None:

@@ -19,6 +19,7 @@ from samrl_ros.log_import.draft.joints.joint_draft import draft_mapping
 from samrl_ros.log_import.draft.poses.joint_chain import draft_joint_chain
 from samrl_ros.log_import.draft.poses.joint_table import draft_joint_table, draft_with_description_beside
 from samrl_ros.log_import.draft.poses.lone_arm import refuse_lone_arm
+from samrl_ros.log_import.draft.poses.lone_sensor import refuse_lone_sensor
 from samrl_ros.log_import.draft.poses.point_pairs import refuse_point_pairs
 from samrl_ros.log_import.draft.poses.pose_draft import are_roles_sure, draft_pairs, draft_poses
 from samrl_ros.log_import.draft.readings.clock_draft import LEAST, draft_stamped_topic
@@ -71,6 +72,7 @@ def draft_free_devices(paths: Sequence[Path]) -> Draft | None:
     tables = read_logged_tables(paths)
     if (joints := draft_with_description_beside(paths, tables)) is not None:
         return joints
+    refuse_lone_sensor(tables)
     return draft_readings(tables) or _draft_tracks(paths, tables) or draft_stamped_topic(paths)
 
 

@@ -27,6 +27,7 @@ from samrl_ros.log_import.draft.column_names import (
 from samrl_ros.log_import.draft.echoed_messages import CHILD, FRAME
 from samrl_ros.log_import.draft.text_layout import text_options
 from samrl_ros.log_import.draft.tracks.found_track import LEAST, FoundTrack
+from samrl_ros.log_import.draft.tracks.other_sensors import OtherSensor, find_sensor
 from samrl_ros.log_import.draft.tracks.pose_tracks import (
     empty_zeros,
     find_positions,
@@ -173,8 +174,17 @@ class LoggedTable:
         return list(self._tracks)
 
     @cached_property
+    def sensor(self) -> OtherSensor:
+        """What it is of, if it tells no motion: a pose beside corners does."""
+        kind = OtherSensor.NONE if self.part else find_sensor(self.path, self.table)
+        posed = kind is OtherSensor.CORNERS and any(t.named and t.whole for t in find_positions(self.table))
+        return OtherSensor.NONE if posed else kind
+
+    @cached_property
     def _tracks(self) -> list[LoggedTrack]:
         # Once: zeros that a tracker wrote for lost frames are empty from then on, and would not be counted.
+        if self.sensor is not OtherSensor.NONE:
+            return []
         found = find_positions(self.table, plural=bool(self.run))
         moved = [track for track in found if not _counts_rows(self.table, track)]
         found = _without_commands(moved)

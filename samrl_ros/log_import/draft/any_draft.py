@@ -14,6 +14,7 @@ from samrl_ros.log_import.draft.bodies.seen_tracks import (
     is_of_a_machine,
     stands_still,
 )
+from samrl_ros.log_import.draft.bodies.unclear_height import refuse_unclear_height
 from samrl_ros.log_import.draft.guess import Draft, Effort
 from samrl_ros.log_import.draft.joints.joint_draft import draft_mapping
 from samrl_ros.log_import.draft.poses.joint_chain import draft_joint_chain
@@ -102,7 +103,10 @@ def _draft_tracks(paths: Sequence[Path], tables: Sequence[LoggedTable]) -> Draft
     alone = not at_once and bodies is not None and (_few_poses(tracks) or bodies.falls)
     if bodies is not None and (alone or any(map(is_named_body, tracks))):
         return bodies  # what an arm carries does not fall
-    return draft_poses(tracks) or bodies
+    drafted = draft_poses(tracks) or bodies
+    if drafted is None:
+        refuse_unclear_height(tracks)
+    return drafted
 
 
 def _joints_beside(paths: Sequence[Path]) -> bool:

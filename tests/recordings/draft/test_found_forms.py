@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from samrl_core.common.errors import InputError
 from samrl_ros.log_import.draft.any_draft import draft_any
+from samrl_ros.log_import.draft.bodies.unclear_height import refuse_unclear_height
 from samrl_ros.log_import.draft.tracks.logged_tracks import read_logged_tables
 from samrl_ros.log_import.draft.writing import as_yaml
 from samrl_ros.log_import.importer import import_recording
@@ -114,6 +115,27 @@ def test_letters_before_the_word_for_a_place_are_axes_of_one_body(tmp_path: Path
     assert [q for q in slides.questions if "level plane" in q] == slides.questions
     flies = draft_any([tmp_path / "ball.csv"], None, None)
     assert flies.bodies["gravity"] == [0.0, pytest.approx(-9.81, abs=0.01), 0.0] and not flies.questions
+
+
+@pytest.mark.parametrize("rate_hz, seconds, rows", [(3.0, 9.0, 27), (10.0, 6.0, 60)])
+def test_a_height_that_scatters_by_metres_is_refused_with_what_to_record(
+    tmp_path: Path, rate_hz: float, seconds: float, rows: int
+) -> None:
+    """A fall by GPS was refused as too short for a joint, a longer one was drafted as a joint."""
+    t = np.arange(rows) / rate_hz
+    height = 400.0 - 4.905 * np.maximum(t - seconds + 7.0, 0.0) ** 2 + RNG.normal(0.0, 8.0, rows)
+    lines = [f"{a:.3f},{b:.3f}" for a, b in zip(t, height, strict=True)]
+    (tmp_path / "caida.csv").write_text("\n".join(["tiempo,altura", *lines]))
+    with pytest.raises(InputError, match=rf"{rows} samples, {rate_hz:.3g} a second, scatters by .*Film it"):
+        draft_any([tmp_path / "caida.csv"], None, None)
+
+
+def test_a_lift_that_moves_smoothly_is_no_unclear_fall(tmp_path: Path) -> None:
+    lines = [f"{0.02 * k:.3f},{0.5 + 0.2 * np.sin(0.02 * k):.5f}" for k in range(60)]
+    (tmp_path / "lift.csv").write_text("\n".join(["time,height_m", *lines]))
+    (table,) = read_logged_tables([tmp_path / "lift.csv"])
+    assert len(table.tracks()) == 1
+    refuse_unclear_height(table.tracks())
 
 
 def test_letters_of_a_gantry_stay_joints(tmp_path: Path) -> None:

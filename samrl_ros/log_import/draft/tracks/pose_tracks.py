@@ -23,7 +23,7 @@ _UNITS = {"m": "m", "cm": "cm", "mm": "mm", "rad": "rad", "deg": "deg", "in": "i
 _POSITION = {"p", "pos", "position", "t", "trans", "translation", "tvec", "loc", "location", "xyz"}
 _ALONE = {"position", "pos", "posicion", "posicao", "posizione"}  # of what moves along one axis, with a unit
 _PLACES = _ALONE | {"coordinate", "coord", "location", "loc"}  # behind a letter: x position (m)
-_HEIGHT = {"height", "altitude", "altura", "hoehe", "hohe", "hauteur", "altezza", "h"}
+HEIGHTS = {"height", "altitude", "altura", "hoehe", "hohe", "hauteur", "altezza", "h"}
 _IN_PLANE = {"xy", "xz", "yz"}  # of arrays with two numbers
 _QUATERNION = {"q", "quat", "quaternion", "orientation", "rotation", "rot", "ori"}
 _VECTOR = {"rvec", "rotvec", "rodrigues", "aa", "axisangle"}
@@ -126,7 +126,7 @@ def _find_height(arrays: dict[str, np.ndarray], units: dict[str, str]) -> list[F
     for name, words in named.items():
         unit = units.get(name, "") or (words[-1] if len(words) > 1 else "")
         unit = unit if _UNITS.get(unit) in LENGTHS else ""
-        if not set(words) & RATES and (set(words) & _HEIGHT or (unit and set(words) & _ALONE)):
+        if not set(words) & RATES and (set(words) & HEIGHTS or (unit and set(words) & _ALONE)):
             found.append(FoundTrack((), {"position": [Component(name)]}, axes="z", unit=unit))
     return found if len(found) == 1 else []
 

@@ -22,6 +22,7 @@ from samrl_ros.log_import.formats.parquet import (
     read_lerobot_table,
     read_parquet_table,
 )
+from samrl_ros.log_import.formats.point_clouds import SUFFIXES as CLOUDS
 from samrl_ros.log_import.formats.rosbag import is_bag, read_topic_table
 from samrl_ros.log_import.formats.text import read_text_table
 from samrl_ros.log_import.formats.torch_file import read_torch_table
@@ -66,8 +67,9 @@ FORMATS = (
     _Format((".h5", ".hdf5"), lambda path, part, csv, where: read_hdf5_table(path, part, where), parts=True),
 )
 SUFFIXES = tuple(suffix for each in FORMATS for suffix in each.suffixes)
+_CLOUD = "a cloud tells no motion; of a wall give the folder, in names how far it was (0.8m/cloud.ply)"
 # Files that people have instead of a log, and what makes one of them.
-_REMEDIES = {
+_REMEDIES = dict.fromkeys(CLOUDS, _CLOUD) | {
     ".pkl": "a pickle may run code, so none is read; pandas.read_pickle(...).to_parquet('log.parquet')",
     ".pickle": "a pickle may run code, so none is read; pandas.read_pickle(...).to_parquet('log.parquet')",
     ".xlsx": "save the sheet as CSV, or pandas.read_excel(...).to_csv('log.csv', index=False)",
@@ -82,7 +84,7 @@ _REMEDIES = {
 # Beside other logs these are settings, notes and weights; they are logs where they are named, or alone.
 RARELY_LOGS = (".yaml", ".yml", ".pt", ".pth")
 _HEAD = 1 << 13  # bytes of a file of an unknown kind that are looked at
-_OTHERS = (".urdf", ".xacro", ".xml", ".md", ".py", ".m", ".html", ".svg")  # texts that hold no table
+_OTHERS = (".urdf", ".xacro", ".xml", ".md", ".py", ".m", ".html", ".svg", *CLOUDS)  # that hold no table
 
 
 def is_text_table(path: Path) -> bool:

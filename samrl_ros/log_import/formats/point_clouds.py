@@ -12,8 +12,9 @@ import numpy as np
 
 from samrl_core.common.errors import InputError
 from samrl_ros.log_import.formats.intrinsics import Intrinsics
+from samrl_ros.log_import.formats.pcd_file import read_pcd
 
-SUFFIXES = (".ply",)
+SUFFIXES = (".ply", ".pcd")
 WIDTH, HEIGHT = 64, 48
 CAMERA = Intrinsics(32.0, 32.0, 0.5 * (WIDTH - 1), 0.5 * (HEIGHT - 1))  # 90 degrees wide
 LEAST_POINTS = 500
@@ -52,14 +53,18 @@ def read_cloud(file: Path, where: str) -> np.ndarray:
 
 
 def _points(file: Path, where: str) -> np.ndarray:
-    import trimesh  # half a second, for clouds alone
-
-    try:
-        cloud = trimesh.load(str(file), process=False)
-        points = np.asarray(getattr(cloud, "vertices", np.zeros((0, 3))), dtype=float)
-    except Exception as error:  # whatever a damaged file raises there
-        raise InputError(f"{where}: {file.name} cannot be read as a cloud of points: {error}") from error
+    points = read_pcd(file, where) if file.suffix.lower() == ".pcd" else _load_ply(file, where)
     points = points[np.isfinite(points).all(axis=1) & (points != 0.0).any(axis=1)]
     if len(points) < LEAST_POINTS:
         raise InputError(f"{where}: {file.name} has {len(points)} points; a plane needs {LEAST_POINTS}")
     return points
+
+
+def _load_ply(file: Path, where: str) -> np.ndarray:
+    import trimesh  # half a second, for clouds alone
+
+    try:
+        cloud = trimesh.load(str(file), process=False)
+        return np.asarray(getattr(cloud, "vertices", np.zeros((0, 3))), dtype=float)
+    except Exception as error:  # whatever a damaged file raises there
+        raise InputError(f"{where}: {file.name} cannot be read as a cloud of points: {error}") from error

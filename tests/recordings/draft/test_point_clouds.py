@@ -55,6 +55,57 @@ def test_clouds_of_a_wall_read_how_far_it_is(
         assert np.median(read[stated == distance]) / distance == pytest.approx(FACTOR, abs=2e-3)
 
 
+def write_pcd(path: Path, points: np.ndarray, kind: str, viewpoint: str = "0 0 0 1 0 0 0") -> Path:
+    """A PCD file of points (N, 3) with a normal of three numbers before x, and colours behind z."""
+    path.parent.mkdir(exist_ok=True, parents=True)
+    head = "VERSION 0.7\nFIELDS normal x y z rgb\nSIZE 4 4 8 4 4\nTYPE F F F F U\nCOUNT 3 1 1 1 1\n"
+    head += f"WIDTH {len(points)}\nHEIGHT 1\nVIEWPOINT {viewpoint}\nPOINTS {len(points)}\nDATA {kind}\n"
+    layout = np.dtype([("n", "<f4", 3), ("x", "<f4"), ("y", "<f8"), ("z", "<f4"), ("rgb", "<u4")])
+    rows = np.array([((0.0, 0.0, 1.0), x, y, z, 0) for x, y, z in points], layout)
+    lines = "".join(f"0 0 1 {x:.6g} {y:.6g} {z:.6g} 4278190080\n" for x, y, z in points)
+    path.write_bytes(
+        f"# .PCD v0.7\n{head}".encode() + (lines.encode() if kind == "ascii" else rows.tobytes())
+    )
+    return path
+
+
+@pytest.mark.parametrize("kind", ["ascii", "binary"])
+def test_clouds_of_the_point_cloud_library_are_read(tmp_path: Path, kind: str) -> None:
+    """A folder of them was no log, or a text with too many columns."""
+    rng = np.random.default_rng(14)
+    for distance in DISTANCES:
+        write_pcd(tmp_path / f"{distance}m.pcd", cloud(distance, False, rng), kind)
+    drafted = draft_any([tmp_path], None, None)
+    assert not drafted.questions and drafted.readings["quantity"] == "depth"
+    table = read_depth_images(tmp_path, ImageOptions(**drafted.sources["log"]["images"]), "the log")
+    stated, read = table.numbers("named_distance", ""), table.numbers("plane_distance", "")
+    assert np.median(read / stated) == pytest.approx(FACTOR, abs=2e-3)
+
+
+def test_a_damaged_or_unusual_pcd_file_is_refused(tmp_path: Path) -> None:
+    points = cloud(1.0, False, np.random.default_rng(15))
+    cut = write_pcd(tmp_path / "cut.pcd", points, "binary")
+    cut.write_bytes(cut.read_bytes()[:-900])
+    packed = write_pcd(tmp_path / "packed.pcd", points, "binary_compressed")
+    moved = write_pcd(tmp_path / "moved.pcd", points, "ascii", viewpoint="1 0 0 1 0 0 0")
+    headless = tmp_path / "headless.pcd"
+    headless.write_text("VERSION 0.7\n1 2 3\n")
+    for path, told in (
+        (cut, "is it whole"),
+        (packed, "pcl_convert_pcd_ascii_binary packed.pcd"),
+        (moved, "VIEWPOINT 1 0 0"),
+        (headless, "no line DATA"),
+    ):
+        with pytest.raises(InputError, match=told):
+            read_cloud(path, "the log")
+
+
+def test_one_cloud_alone_says_what_a_recording_is(tmp_path: Path) -> None:
+    path = write_pcd(tmp_path / "scene.pcd", cloud(1.0, False, np.random.default_rng(16)), "ascii")
+    with pytest.raises(InputError, match="a cloud tells no motion"):
+        draft_any([path], None, None)
+
+
 def test_a_cloud_around_its_sensor_is_refused(tmp_path: Path) -> None:
     points = np.random.default_rng(12).normal(size=(900, 3))
     with pytest.raises(InputError, match="before and behind"):

@@ -17,6 +17,7 @@ from samrl_ros.log_import.devices import read_devices
 from samrl_ros.log_import.draft.any_draft import draft_any
 from samrl_ros.log_import.draft.writing import as_yaml
 from samrl_ros.log_import.formats.intrinsics import read_cameras
+from samrl_ros.log_import.formats.point_clouds import read_cloud
 from samrl_ros.log_import.formats.rosbag import list_topics
 from samrl_ros.log_import.specs import CsvOptions
 from samrl_ros.log_import.tables import read_table
@@ -135,6 +136,14 @@ def _tensors() -> list[bytes]:
     return out
 
 
+def _clouds() -> list[bytes]:
+    points = np.column_stack([np.random.default_rng(5).uniform(-0.3, 0.3, (600, 2)), np.full(600, 0.8)])
+    head = "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 600\nHEIGHT 1\n"
+    head += "VIEWPOINT 0 0 0 1 0 0 0\nPOINTS 600\nDATA "
+    text = "".join(f"{x:.4f} {y:.4f} {z:.4f}\n" for x, y, z in points)
+    return [f"{head}ascii\n{text}".encode(), f"{head}binary\n".encode() + points.astype("<f4").tobytes()]
+
+
 DEPTH_AND_FRAMES = (
     *(
         Reader(
@@ -157,5 +166,6 @@ DEPTH_AND_FRAMES = (
         "frames of a sqlite3 bag", "log/log.db3", lambda: [_frames("sqlite3")[0]],
         lambda path: _read_frames(path.parent), share=0.3, prepare=_put_metadata,
     ),
+    Reader("cloud of points", "log/0.8m.pcd", _clouds, lambda path: read_cloud(path, "it"), share=0.3),
     Reader("tensors", "a.pt", _tensors, lambda path: read_table(path, CsvOptions(), "it"), share=0.3),
 )  # fmt: skip

@@ -40,6 +40,20 @@ def _clocks() -> list[bytes]:
     return ["\n".join(["seq,device_time_us,host_time_s", *rows]).encode()]
 
 
+def _echoes() -> list[bytes]:
+    """Of a body's positions and of two joints, by ROS 2 and by ROS 1."""
+    out = []
+    for seconds, rest in (("sec", "nanosec"), ("secs", "nsecs")):
+        point = joints = "WARNING: topic does not appear to be published yet\n"
+        for k in range(40):
+            t = k / 60.0
+            head = f"header:\n  stamp:\n    {seconds}: 7\n    {rest}: {int(1e9 * t)}\n  frame_id: mocap\n"
+            point += f"{head}point:\n  x: {0.5 * t}\n  y: 1e-05\n  z: {2.0 - 4.905 * t * t}\n---\n"
+            joints += f"{head}name: [a, b]\nposition: [{np.sin(t)}, 0.1]\nvelocity: []\neffort: []\n---\n"
+        out += [point.encode(), joints.encode()]
+    return out
+
+
 TRACKS_OF_BODIES = (
     Reader(
         "draft of a motion capture", "a.csv",
@@ -51,5 +65,6 @@ TRACKS_OF_BODIES = (
     ),
     Reader("draft of a text", "a.txt", _sound(body_logs.tum), _draft, share=0.1),
     Reader("draft of poses", "a.csv", _pair, _draft, share=0.05),
+    Reader("draft of an echo", "a.txt", _echoes, _draft, share=0.1),
     Reader("draft of clocks", "a.csv", _clocks, _draft, share=0.1),
 )  # fmt: skip

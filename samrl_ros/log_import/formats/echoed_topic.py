@@ -7,7 +7,7 @@ that messages were lost, a prompt above the first, and a last one that was cut w
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from itertools import accumulate
@@ -35,7 +35,8 @@ _CUT = "..."  # in place of what `ros2 topic echo` leaves out of a long array
 # libyaml composes nested values by recursion in C, which a deep text overflows; Python's reader refuses it.
 _LONGEST_LINE = 2000  # letters: blocks nest by their indentation, and a line cannot be deeper than it is long
 _MOST_BRACKETS = 1000  # of a message
-_TIMES = ({"sec", "nanosec"}, {"secs", "nsecs"})
+_DEEPEST = 40  # fields in each other; Python ends at a thousand
+_TIMES = (("sec", "nanosec"), ("secs", "nsecs"))
 
 
 class EchoedMessage:
@@ -129,7 +130,7 @@ def _number_loader(base: Any) -> Any:
     loader = type("_NumberLoader", (base,), {"yaml_implicit_resolvers": {}})
     for tag, pattern, first in (
         ("bool", r"true|false|True|False", "tfTF"),
-        ("int", r"[-+]?(?:0|[1-9]\d*)", "-+0123456789"),
+        ("int", r"[-+]?(?:0|[1-9]\d{0,18})", "-+0123456789"),
         ("float", r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?\.?(?:nan|inf)", "-+0123456789.ni"),
     ):
         loader.add_implicit_resolver(f"tag:yaml.org,2002:{tag}", re.compile(rf"(?:{pattern})\Z"), list(first))
@@ -156,12 +157,39 @@ def _parse_message(text: str, where: str) -> dict[str, Any]:
 
 
 def _check_alike(messages: Sequence[dict[str, Any]], path: Path) -> None:
+    """A topic's messages have one kind: each field is a number, a text, a list or a message, always."""
+    known: dict[str, str] = {}
     for number, each in enumerate(messages, 1):
         if set(each) != set(messages[0]):
             raise InputError(
                 f"{path}, message {number} has fields {list(each)[:9]}, the first has"
                 f" {list(messages[0])[:9]}: an echo holds one topic; write each to a file of its own"
             )
+        for name, kind in _kinds_of(each, f"{path}, message {number}"):
+            if known.setdefault(name, kind) != kind:
+                raise InputError(
+                    f"{path}, message {number}: {name} is {kind}, and {known[name]} before: an echo holds one"
+                    " topic, each message whole; take out what was not echoed"
+                )
+
+
+def _kinds_of(value: Any, where: str, path: str = "", depth: int = 0) -> Iterator[tuple[str, str]]:
+    """Of all that a message holds: its path, and what it is."""
+    if depth > _DEEPEST:
+        raise InputError(f"{where} is nested too deeply; no message of ROS holds {_DEEPEST} in each other")
+    if isinstance(value, dict):
+        yield path, f"a message with {sorted(map(str, value))}"
+        for name, each in value.items():
+            inner = f"{path}.{name}".lstrip(".")
+            if any(set(value) == set(names) for names in _TIMES) and not isinstance(each, int):
+                raise InputError(f"{where}: {inner} is {each!r}, which is no whole number of a time")
+            yield from _kinds_of(each, where, inner, depth + 1)
+    elif isinstance(value, list):
+        yield path, "a list"
+        for each in value[:-1] if _CUT in value[-1:] else value:
+            yield from _kinds_of(each, where, f"{path}[]", depth + 1)
+    else:
+        yield path, "a text" if isinstance(value, str) else "a number"
 
 
 def _stamp_ns(message: dict[str, Any]) -> int:
@@ -170,9 +198,12 @@ def _stamp_ns(message: dict[str, Any]) -> int:
     first = transforms[0] if isinstance(transforms, list) and transforms else message
     header = first.get("header") if isinstance(first, dict) else None
     stamp = header.get("stamp") if isinstance(header, dict) else None
-    if not isinstance(stamp, dict) or set(stamp) not in _TIMES:
+    if not isinstance(stamp, dict):
         return 0
-    seconds, rest = stamp.values()
+    names = next((names for names in _TIMES if set(stamp) == set(names)), None)
+    if names is None:
+        return 0
+    seconds, rest = (stamp[name] for name in names)
     whole = isinstance(seconds, int) and isinstance(rest, int)
     return 1_000_000_000 * seconds + rest if whole else 0
 
@@ -218,8 +249,9 @@ def _kind_of(message: dict[str, Any]) -> str:
 
 
 def _fits(message: dict[str, Any], fields: dict[str, str], known: dict[str, dict[str, str]]) -> bool:
-    if set(message) in _TIMES:
-        return set(fields) in _TIMES
+    times = [set(names) for names in _TIMES]
+    if set(message) in times:
+        return set(fields) in times
     if set(message) - {"seq"} != set(fields) - {"seq"}:
         return False
     return all(

@@ -144,11 +144,25 @@ def test_a_prompt_above_and_frames_of_ros_1_are_read(tmp_path: Path) -> None:
         ("".join(joint_states(2)) + header(1, "a") + "---\n", "one topic"),
         ((header(0, "a") + "---\n") * 2, "no message is stamped.*ros2 bag record"),
         (header(1, "a") + "b: {c\n---\n", "no YAML"),
+        (
+            header(1, "a") + "b: 1\n---\n" + header(2, "a") + "b: 1nan\n---\n",
+            "message 2: b is a text, and a number",
+        ),
+        (header(1, "a") + "b: {sec: 1nan, nanosec: 0}\n---\n", "b.sec is '1nan', .* no whole number"),
         (header(1, "a") + "---\nhello\n---\n", "message 2 is no message"),
         (header(1, "a") + "---\nheader: " + "[" * 50_000 + "\n---\n", "nested too deeply"),
         (header(1, "a") + "---\nheader: \n" + "- " * 50_000 + "\n---\n", "nested too deeply"),
     ],
-    ids=["two topics", "no stamps", "no YAML", "no message", "deep in a line", "deep in dashes"],
+    ids=[
+        "two topics",
+        "no stamps",
+        "no YAML",
+        "kinds",
+        "time",
+        "no message",
+        "deep in a line",
+        "deep in dashes",
+    ],
 )
 def test_an_echo_that_cannot_be_used_is_refused_with_its_reason(tmp_path: Path, text: str, told: str) -> None:
     """Nested too deeply, libyaml would end the process."""

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
-from itertools import product
 from typing import Any
 
 from samrl_core.cell.instance.cell_instance import InstanceName
@@ -115,21 +114,20 @@ def _site(options: Options, task: str, purpose: str, number: int) -> EpisodeSite
 
 def _screened(log: CaseLog, sites: Sequence[EpisodeSite], play: Play, purpose: str) -> dict[str, list[bool]]:
     """Successes of the loop without a residual, by cell."""
-    wanted = list(product(sites, range(SCREENED)))
-    left = [(site, k) for site, k in wanted if _key(site, k) not in log.cases]
-    orders = [_screening(site, k, purpose) for site, k in left]
-    for (site, k), played in zip(left, play(orders), strict=True):
-        log.keep(
-            {
-                "key": _key(site, k),
-                "task": site.task,
-                "success": played.success,
-                "detected": played.ended == "done",
-                "actions": len(played.steps),
-                "final_error": played.final_error,
-                "why": played.why,
-            }
-        )
+    for site in sites:  # one after another: what an interruption costs is one cell's
+        left = [k for k in range(SCREENED) if _key(site, k) not in log.cases]
+        for k, played in zip(left, play([_screening(site, k, purpose) for k in left]), strict=True):
+            log.keep(
+                {
+                    "key": _key(site, k),
+                    "task": site.task,
+                    "success": played.success,
+                    "detected": played.ended == "done",
+                    "actions": len(played.steps),
+                    "final_error": played.final_error,
+                    "why": played.why,
+                }
+            )
     return {
         site.instance: [bool(log.cases[_key(site, k)]["success"]) for k in range(SCREENED)] for site in sites
     }

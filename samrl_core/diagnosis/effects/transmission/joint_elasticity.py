@@ -139,7 +139,8 @@ class SwingingLink(Form):
         torque = trial.cached[key][:, self.joint]
         inertia = np.interp(motion.time, motion.t, trial.mass[:, self.joint, self.joint])
         # Steps of the log would damp a swing by half its phase per step.
-        phase = np.sqrt(shape["K"] / np.mean(inertia)) / motion.rate
+        mean = float(np.mean(inertia))  # of a nominal model without inertia none: it swings at any rate
+        phase = np.sqrt(shape["K"] / mean) / motion.rate if mean > 0.0 else np.inf
         steps = int(np.clip(np.ceil(phase / STEP_PHASE), 1, MOST_STEPS))
         ticks = np.arange(len(torque))
         fine = np.minimum(np.arange(len(torque) * steps) / steps, ticks[-1])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -52,9 +51,9 @@ def test_cells_are_chosen_first_and_what_is_found_is_kept(
     orders: list[Order] = []
     toy = FakeCell()
 
-    def here(some: Sequence[Order]) -> list[Played]:
-        orders.extend(some)
-        return [_screened(order) if order.max_actions == 56 else toy.play(order) for order in some]
+    def play(order: Order) -> Played:
+        orders.append(order)
+        return _screened(order) if order.max_actions == 56 else toy.play(order)
 
     def _screened(order: Order) -> Played:
         number = int(order.site.instance.split(":")[-1])
@@ -67,7 +66,7 @@ def test_cells_are_chosen_first_and_what_is_found_is_kept(
 
     monkeypatch.setattr(residual_trainings, "cell_named", lambda name: SMALL)
     monkeypatch.setattr(residual_trainings, "nominal_encoder", lambda *_: toy_cell.ENCODER)
-    monkeypatch.setattr(residual_trainings, "_here", here)
+    monkeypatch.setattr(residual_trainings, "play", play)
     monkeypatch.setattr(cell_residual, "RunSettings", settings)
     options = Options(tmp_path, ("spatula_flipping_hard",), 6, 7, workers=1, conditions=("careless_test",))
     told: list[str] = []

@@ -202,7 +202,7 @@ def test_the_experiment_goes_on_where_it_was_stopped(tmp_path: Path, monkeypatch
 
     monkeypatch.setattr(residual_trainings, "cell_named", lambda name: SMALL)
     monkeypatch.setattr(residual_trainings, "nominal_encoder", lambda *_: toy_cell.ENCODER)
-    monkeypatch.setattr(residual_trainings, "_here", here)
+    monkeypatch.setattr(residual_trainings.Player, "__call__", lambda _, orders: here(orders))
     monkeypatch.setattr(sample_efficiency, "RunSettings", settings)
     monkeypatch.setattr(sample_efficiency, "POINTS", (0, 6))
 

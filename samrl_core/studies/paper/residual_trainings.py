@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Generator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, as_completed
-from contextlib import ExitStack, contextmanager
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, as_completed, wait
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,6 +26,7 @@ from samrl_core.studies.paper.residual_evaluation import RunSettings, evaluated_
 from samrl_core.studies.paper.residual_run import ResidualRun
 
 _ALONE = threading.Lock()  # around what this process keeps for its episodes
+_ASKED_S = 0.5  # so often it is looked whether to stop
 
 
 @dataclass(frozen=True)
@@ -45,29 +46,65 @@ class TrainingJob:
         return weights_at(out / self.site.instance.replace(":", "-"), self.site.task, self.seed, point)
 
 
+class Stopped(Exception):
+    """Episodes were asked for after the player was told to stop, or were not played to their end."""
+
+
+class Player:
+    """Plays episodes in a pool's processes, or in this one, until it is told to stop.
+
+    Args:
+        pool: of worker processes; None: episodes are played here, one after another.
+        starter: submits to it. A worker ends with the thread that started it, so one that outlives all others
+            starts them.
+    """
+
+    def __init__(self, pool: Executor | None = None, starter: Executor | None = None) -> None:
+        self._pool, self._starter = pool, starter
+        self.stop = threading.Event()
+
+    def __call__(self, orders: Sequence[Order]) -> list[Played]:
+        """Episodes in the order that was asked for.
+
+        Raises:
+            Stopped: before the last of them was played.
+        """
+        pool, starter = self._pool, self._starter
+        if pool is None or starter is None:
+            return [self._here(order) for order in orders]
+        futures = starter.submit(_submit_all, pool, orders).result()
+        pending = set(futures)
+        while pending:
+            if self.stop.is_set():
+                for future in pending:
+                    future.cancel()
+                raise Stopped
+            _, pending = wait(pending, timeout=_ASKED_S, return_when=FIRST_COMPLETED)
+        return [future.result() for future in futures]
+
+    def _here(self, order: Order) -> Played:
+        if self.stop.is_set():
+            raise Stopped
+        with _ALONE:
+            return play(order)
+
+
+def _submit_all(pool: Executor, orders: Sequence[Order]) -> list[Future[Played]]:
+    return [pool.submit(play, order) for order in orders]
+
+
 @contextmanager
-def player_of(options: Options) -> Generator[Play]:
-    """Plays episodes in as many processes as there shall be, or here."""
+def player_of(options: Options) -> Generator[Player]:
+    """Of as many processes as there shall be."""
     if options.processes == 1:
-        yield _here
+        yield Player()
         return
-    # A worker ends with the thread that started it, so one that outlives all of them starts them.
     with ThreadPoolExecutor(1) as starter, worker_pool(options.processes) as pool:
-
-        def spread(orders: Sequence[Order]) -> list[Played]:
-            futures = starter.submit(lambda: [pool.submit(play, order) for order in orders]).result()
-            return [future.result() for future in futures]
-
-        yield spread
-
-
-def _here(orders: Sequence[Order]) -> list[Played]:
-    with _ALONE:
-        return [play(order) for order in orders]
+        yield Player(pool, starter)
 
 
 def train_all(
-    jobs: Sequence[TrainingJob], options: Options, log: CaseLog, player: Play, progress: Progress
+    jobs: Sequence[TrainingJob], options: Options, log: CaseLog, player: Player, progress: Progress
 ) -> None:
     """Every job's points as cases of the log; what is there already is not done again.
 
@@ -75,7 +112,7 @@ def train_all(
         jobs: no two of one site and seed.
         options: of the experiment; its folder keeps runs and weights.
         log: keeps the cases.
-        player: see `player_of`.
+        player: is told to stop at the end, so that an interrupt waits for no episode.
         progress: called with each point's success.
 
     Raises:
@@ -84,7 +121,7 @@ def train_all(
     jobs = [job for job in jobs if any(job.key(n) not in log.cases for n in job.settings.points)]
     if not jobs:
         return
-    lock, stop = threading.Lock(), threading.Event()
+    lock, stop = threading.Lock(), player.stop
 
     def keep(case: Case) -> None:
         with lock:
@@ -102,14 +139,14 @@ def train_all(
         evaluations: list[Future[None]] = []
 
         def evaluate(job: TrainingJob, point: int) -> None:
-            if not stop.is_set():
+            with suppress(Stopped):
                 keep(evaluate_at(job, point, options.out, player))
 
         def on_saved(job: TrainingJob, point: int) -> None:
             if job.key(point) not in log.cases:
                 evaluations.append(evaluators.submit(evaluate, job, point))
 
-        runs = [threads.submit(_train, job, options, player, on_saved, stop) for job in jobs]
+        runs = [threads.submit(_train, job, options, player, on_saved) for job in jobs]
         for one in as_completed(runs):
             one.result()
         for other in as_completed(evaluations):
@@ -119,9 +156,8 @@ def train_all(
 def _train(
     job: TrainingJob,
     options: Options,
-    player: Play,
+    player: Player,
     on_saved: Callable[[TrainingJob, int], None],
-    stop: threading.Event,
 ) -> None:
     """One training from where it was left; `on_saved` is called with each point whose weights are saved."""
     folder = options.out / "runs" / f"{job.site.name}-{job.seed}"
@@ -130,13 +166,15 @@ def _train(
     run = ResidualRun(folder, job.site, cell, encoder, job.seed, job.settings, player, options.device)
     try:
         for point in job.settings.points:
-            run.advance(point, lambda: not stop.is_set())
-            if stop.is_set():
+            run.advance(point, lambda: not player.stop.is_set())
+            if player.stop.is_set():
                 return
             file = job.weights_at(options.out, point)
             if not file.is_file():
                 run.save_weights(file)
             on_saved(job, point)
+    except Stopped:
+        return
     finally:
         run.close()
 

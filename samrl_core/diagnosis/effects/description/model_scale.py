@@ -8,7 +8,7 @@ from samrl_core.diagnosis.effects.effect import Effect, Parameter, lacks_link_to
 from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.effects.load.payload import is_driven
 from samrl_core.diagnosis.residuals.equations import Columns
-from samrl_core.diagnosis.residuals.laws.follow_command import part_that_follows, reads_what_is_logged
+from samrl_core.diagnosis.residuals.laws.follow_command import sure_part
 from samrl_core.diagnosis.residuals.trial import Trial
 
 LEAST, MOST = 0.2, 5.0  # factors between which a description is off by a factor
@@ -110,10 +110,8 @@ class LoggedTorques(AllTorques):
         out = super().columns(trial, shape)
         law = trial.equations.law
         assert law is not None
-        own = reads_what_is_logged(trial.motion)
-        if not np.all(own):  # what the drives read and nobody logged is in the log's torque too
-            law = np.where(own, law, part_that_follows(trial.motion, law[None])[0])
-        asked = trial.motion.reduce(law)
+        # What the drives read and nobody logged is in the log's torque too.
+        asked = trial.motion.reduce(sure_part(trial.motion, law[None])[0])
         for j in range(trial.joints):
             out["controller", j] = -asked[None, :, j]
         return out

@@ -8,7 +8,7 @@ from samrl_core.diagnosis.effects.drive_torque import track_joints
 from samrl_core.diagnosis.effects.effect import Effect, Parameter
 from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, PresentForm, Shape
 from samrl_core.diagnosis.residuals.equations import TIMING_RATE_HZ, Columns
-from samrl_core.diagnosis.residuals.laws.follow_command import part_that_follows, reads_what_is_logged
+from samrl_core.diagnosis.residuals.laws.follow_command import sure_part
 from samrl_core.diagnosis.residuals.signals.signal_noise import white_noise
 from samrl_core.diagnosis.residuals.trial import Trial, add
 
@@ -160,11 +160,7 @@ def sure_terms(trial: Trial) -> dict[str, np.ndarray]:
     if key not in trial.cached:
         law = trial.motion.described_law
         terms = np.stack([law.spring + law.stiff_integral, law.damper - law.stiff_integral, law.punch])
-        own = reads_what_is_logged(trial.motion)
-        if trial.motion.computed:
-            terms = _terms_by_model(trial)
-        elif not np.all(own):
-            terms = np.where(own, terms, part_that_follows(trial.motion, terms))
+        terms = _terms_by_model(trial) if trial.motion.computed else sure_part(trial.motion, terms)
         trial.cached[key] = dict(zip(("eK", "eD", "eP"), terms, strict=True))
     found: dict[str, np.ndarray] = trial.cached[key]
     return found

@@ -20,6 +20,7 @@ from samrl_core.diagnosis.residuals.signals.signal_noise import white_noise
 LAGS_S = (0.0, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32)  # ASSUMPTION: a loop remembers its command for so long
 TURNS = 0.1  # of a command's typical speed: width of the friction's sign
 FOREIGN = 0.2  # of a law's own noise: so much that the recorded torque lacks is no noise of the controller
+BIASED = 0.005  # share of a term's variance that may be noise: so much is a fitted size off by it
 ALIKE = 1e-6  # singular values below this share of the largest are one signal twice
 
 
@@ -29,6 +30,25 @@ def reads_what_is_logged(motion: RecordedMotion) -> np.ndarray:
         return np.zeros(motion.joints, dtype=bool)
     law = motion.described_law.total
     return white_noise(law - motion.asked, motion.rate) <= FOREIGN * white_noise(law, motion.rate)
+
+
+def sure_part(motion: RecordedMotion, terms: np.ndarray) -> np.ndarray:
+    """Terms (K, F, J) of a law without noise that its controller did not read itself.
+
+    Terms themselves where that noise is too little to bias a size: what only follows from the command lacks
+    what friction makes of it, and where residuals are weighed that passes for a weaker law.
+    """
+    own = reads_what_is_logged(motion)
+    if np.all(own):
+        return terms
+    quiet = np.zeros((len(terms), motion.joints), dtype=bool)
+    if motion.asked is not None:
+        # What the drive read and nobody logged shakes the machine: it is in the term as large as it shows.
+        unlogged = white_noise(motion.described_law.total - motion.asked, motion.rate)
+        noise = np.stack([np.hypot(unlogged, white_noise(term, motion.rate)) for term in terms])
+        seen = np.stack([np.var(motion.reduce(term), axis=0) for term in terms])
+        quiet = motion.band_share * noise**2 <= BIASED * seen
+    return np.where((own | quiet)[:, None, :], terms, part_that_follows(motion, terms))
 
 
 def part_that_follows(motion: RecordedMotion, terms: np.ndarray) -> np.ndarray:

@@ -124,3 +124,28 @@ def test_350_degrees_are_10_less_than_none_by_the_urdfs_limits(tmp_path: Path) -
         assert signal.position is not None
         expected = np.radians(np.column_stack([angles + offset for angles in columns.values()]))
         np.testing.assert_allclose(signal.position, expected, atol=1e-4)
+
+
+def test_each_recording_begins_within_its_limits(tmp_path: Path) -> None:
+    """A VESC's encoder began at 359.98 degrees, then at 0.02: `- 360` of the first was `sure` for both.
+
+    Its supply's voltage passed for the motor's.
+    """
+    wave = 40.0 * np.sin(2.0 * TIME)
+    volts = {"input_voltage": 36.0 + 0.1 * np.sin(9.0 * TIME), "duty_cycle": 0.2 * np.cos(2.0 * TIME)}
+    for name, begin in (("run1", -0.02), ("run2", 0.02)):
+        table = np.column_stack([TIME, (wave + begin) % 360.0, *volts.values()])
+        head = ",".join(["time_s", "encoder_position", *volts])
+        np.savetxt(tmp_path / f"{name}.csv", table, delimiter=",", header=head, comments="", fmt="%.4f")
+    swing = JOINT.format("bends", "revolute", "base", "a", LIMIT)
+    urdf = "".join(['<robot name="p">', LINK.format("base"), LINK.format("a"), swing, "</robot>"])
+    (tmp_path / "p.urdf").write_text(urdf)
+    draft = draft_mapping(sorted(tmp_path.glob("*.csv")), urdf, "p.urdf", Effort.ask)
+    content = {key: value for key, value in draft.as_mapping().items() if key != "questions"}
+    mapping = parse_mapping(yaml.safe_dump(content), tmp_path / "mapping.yaml")
+    for about, begin in zip(mapping.recordings, (-0.02, 0.02), strict=True):
+        recording = import_recording(about, mapping, tmp_path).recording
+        assert recording.states.position is not None
+        np.testing.assert_allclose(recording.states.position[:, 0], np.radians(wave + begin), atol=1e-4)
+    assert draft.channels["commanded_effort"]["effort"]["formula"] == ["duty_cycle_1"]
+    assert any("is it in V" in question for question in draft.questions)

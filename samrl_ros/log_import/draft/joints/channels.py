@@ -20,7 +20,7 @@ from samrl_ros.log_import.draft.joints.arm_messages import (
 )
 from samrl_ros.log_import.draft.joints.asked_efforts import asked_of_effort, say_how_used
 from samrl_ros.log_import.draft.joints.commanded import rate_of_command, unit_of_command
-from samrl_ros.log_import.draft.joints.motor_input import add_motor_input, inputs_of_some
+from samrl_ros.log_import.draft.joints.motor_input import add_motor_input, has_both_signs, inputs_of_some
 from samrl_ros.log_import.draft.joints.named_sources import (
     NamedBlock,
     add_source,
@@ -252,6 +252,7 @@ def add_effort(
         inputs = [c for q in ("voltage", "current") for c in beside(found, position, order, q)]
         electric = [c for c in currents if c.meaning.quantity != "pressure"]
         inputs += [c for c in electric if c.meaning.commanded and set(order) <= set(c.block.labels)]
+        inputs.sort(key=has_both_signs, reverse=True)
         if inputs and "command" not in draft.channels:
             return add_motor_input(inputs[0], position, order, draft)
         if (some := inputs_of_some(electric, position, order)) and "command" not in draft.channels:

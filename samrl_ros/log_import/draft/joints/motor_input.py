@@ -17,10 +17,7 @@ from samrl_ros.log_import.draft.joints.named_sources import (
 def inputs_of_some(
     electric: Sequence[NamedBlock], position: NamedBlock, order: list[str]
 ) -> list[NamedBlock]:
-    """Inputs of fewer motors than there are joints, as of a pendulum behind a servo, in the positions' rows.
-
-    What has one sign alone is a supply's, and says nothing of a motor.
-    """
+    """Inputs of fewer motors than there are joints, as of a pendulum behind a servo, in the same rows."""
     return [
         each
         for each in electric
@@ -28,8 +25,13 @@ def inputs_of_some(
         and not each.meaning.computed
         and len(each.block.labels) < len(order)
         and (each.block.labels == ("",) or set(each.block.labels) <= set(order))
-        and each.block.values.min() < 0.0 < each.block.values.max()
+        and has_both_signs(each)
     ]
+
+
+def has_both_signs(electric: NamedBlock) -> bool:
+    """Whether a motor may be driven by it: what has one sign alone is a supply's (`input_voltage`)."""
+    return bool(electric.block.values.min() < 0.0 < electric.block.values.max())
 
 
 def add_motor_input(

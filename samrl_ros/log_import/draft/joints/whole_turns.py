@@ -22,6 +22,7 @@ _OFF_LEVEL = 0.1  # of a step, by which a number may miss its level
 _SHIFTS = (-2, -1, 0, 1, 2)  # whole turns that a log may be away
 _SLACK = 0.1  # [rad] beyond the limits that zeros and soft stops may account for
 _TURN_WORDS = {"rad": "2 * pi", "deg": "360", "rev": "1"}
+_HALF_WORDS = {"rad": "pi", "deg": "180", "rev": "0.5"}
 _COUNTS = (
     360,
     400,
@@ -118,7 +119,10 @@ def move_into_limits(
         fits = [n for n in _SHIFTS if low <= least - n * turn and most - n * turn <= high]
         if len(fits) == 1 and fits[0]:
             values[:, k] -= fits[0] * turn
-            quantity["formula"][number] += _turns_less(fits[0], turn, quantity["unit"])
+            formula = quantity["formula"][number]
+            quantity["formula"][number] = _turns_away(
+                formula, fits[0], float(values[0, k]), turn, quantity["unit"]
+            )
             moved.append(joint)
     if not moved:
         return position
@@ -144,7 +148,7 @@ def take_turns_out_beside(
             formula = _unwrapped(formula, turn, quantity["unit"])
         away = round(float(np.median(values) - np.median(measured)) / turn)
         if away:
-            formula += _turns_less(away, turn, quantity["unit"])
+            formula = _turns_away(formula, away, float(values[0] - away * turn), turn, quantity["unit"])
         if formula != quantity["formula"][number]:
             quantity["formula"][number] = formula
             draft.note(
@@ -152,8 +156,17 @@ def take_turns_out_beside(
             )
 
 
-def _turns_less(count: int, turn: float, unit: str) -> str:
-    return f" {'-' if count > 0 else '+'} {abs(count)} * {_turn_word(turn, unit)}"
+def _turns_away(formula: str, count: int, first: float, turn: float, unit: str) -> str:
+    """The formula so many turns less, where its first value is `first`.
+
+    What wraps around begins within half a turn of zero in each recording: one may begin at 359.98 degrees and
+    the next at 0.02.
+    """
+    word, half = _turn_word(turn, unit), _HALF_WORDS.get(unit, f"{0.5 * turn:.0f}")
+    begin, end, divisor = "unwrap(", f", {word})", f"({word})" if " " in word else word
+    if formula.startswith(begin) and formula.endswith(end) and abs(first) < 0.5 * turn:
+        return f"{begin}({formula[len(begin) : -len(end)]} + {half}) % {divisor} - {half}{end}"
+    return f"{formula} {'-' if count > 0 else '+'} {abs(count)} * {word}"
 
 
 def _unwrapped(formula: str, turn: float, unit: str) -> str:

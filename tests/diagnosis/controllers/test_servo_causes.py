@@ -19,7 +19,7 @@ from samrl_core.diagnosis.effects.form import Place
 from samrl_core.diagnosis.kinds.arms import arm_trials
 from samrl_core.diagnosis.residuals.equations import _controller_residual, integrated_terms
 from samrl_core.diagnosis.residuals.laws.control_law import squared_rounding_error
-from samrl_core.diagnosis.residuals.laws.follow_command import part_that_follows
+from samrl_core.diagnosis.residuals.laws.follow_command import sure_part
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.motion import RecordedMotion
 from samrl_core.diagnosis.residuals.signals.rounding import rounding_noise
@@ -64,8 +64,7 @@ def test_a_punch_is_no_part_of_the_stiffness() -> None:
     law = trial.motion.described_law
     assert np.unique(np.abs(law.punch)) == pytest.approx([0.0, 0.02])
     rows = form.columns(trial, {})["controller", 0]
-    # The log does not read what the drive read: what follows the command stands for both.
-    sure = part_that_follows(trial.motion, np.stack([law.spring, law.punch]))
+    sure = sure_part(trial.motion, np.stack([law.spring, law.punch]))
     assert rows[0] == pytest.approx(-trial.motion.reduce(sure[0])[:, 0])
     assert rows[2] == pytest.approx(-trial.motion.reduce(sure[1])[:, 0])
 
@@ -77,8 +76,8 @@ def test_a_velocity_gain_scales_the_position_loop_around_it() -> None:
     found = form.parameters(trial, {}, np.array([0.2, 0.2]))
     assert found == pytest.approx({"eK": 0.0, "eD": 0.2})
     law = trial.motion.described_law
-    (sure,) = part_that_follows(trial.motion, (law.spring + law.damper)[None])
-    missing = trial.motion.reduce(-0.2 * sure)[:, 0]
+    terms = np.stack([law.spring + law.stiff_integral, law.damper - law.stiff_integral])
+    missing = trial.motion.reduce(-0.2 * sure_part(trial.motion, terms).sum(axis=0))[:, 0]
     assert 0.2 * form.columns(trial, {})["controller", 0].sum(axis=0) == pytest.approx(missing, abs=1e-9)
 
 

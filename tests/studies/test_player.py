@@ -39,3 +39,23 @@ def test_a_player_that_is_told_to_stop_plays_no_further_episode(
         count = len(begun)
         time.sleep(0.5)
         assert count < 40 and len(begun) == count
+
+
+def test_the_first_error_is_told_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    released, ended = threading.Event(), []
+
+    def play(order: Any) -> Any:
+        if order:
+            raise RuntimeError("it broke")
+        released.wait(60.0)
+        ended.append(order)
+
+    monkeypatch.setattr(residual_trainings, "play", play)
+    with ThreadPoolExecutor(1) as starter, ThreadPoolExecutor(2) as pool:
+        orders: Any = [False, True]
+        try:
+            with pytest.raises(RuntimeError, match="it broke"):
+                Player(pool, starter)(orders)
+            assert not ended
+        finally:
+            released.set()

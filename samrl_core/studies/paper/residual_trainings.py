@@ -79,7 +79,9 @@ class Player:
                 for future in pending:
                     future.cancel()
                 raise Stopped
-            _, pending = wait(pending, timeout=_ASKED_S, return_when=FIRST_COMPLETED)
+            done, pending = wait(pending, timeout=_ASKED_S, return_when=FIRST_COMPLETED)
+            for future in done:
+                future.result()  # the first error ends the rest
         return [future.result() for future in futures]
 
     def _here(self, order: Order) -> Played:

@@ -20,6 +20,7 @@ from samrl_core.common.errors import InputError
 from samrl_core.common.files import is_file
 from samrl_core.common.text_files import MAX_TEXT_BYTES, parse_yaml, read_text
 from samrl_ros.log_import.formats.control_msgs import RELEASES
+from samrl_ros.log_import.formats.message_fields import split_time
 
 SUFFIXES = (".txt", ".log", ".yaml", ".yml", ".csv", ".out", ".dat", ".echo", "")
 _END = "---"  # line after each message
@@ -36,7 +37,6 @@ _CUT = "..."  # in place of what `ros2 topic echo` leaves out of a long array
 _LONGEST_LINE = 2000  # letters: blocks nest by their indentation, and a line cannot be deeper than it is long
 _MOST_BRACKETS = 1000  # of a message
 _DEEPEST = 40  # fields in each other; Python ends at a thousand
-_TIMES = (("sec", "nanosec"), ("secs", "nsecs"))
 
 
 class EchoedMessage:
@@ -179,9 +179,10 @@ def _kinds_of(value: Any, where: str, path: str = "", depth: int = 0) -> Iterato
         raise InputError(f"{where} is nested too deeply; no message of ROS holds {_DEEPEST} in each other")
     if isinstance(value, dict):
         yield path, f"a message with {sorted(map(str, value))}"
+        is_time = split_time(value) is not None
         for name, each in value.items():
             inner = f"{path}.{name}".lstrip(".")
-            if any(set(value) == set(names) for names in _TIMES) and not isinstance(each, int):
+            if is_time and not isinstance(each, int):
                 raise InputError(f"{where}: {inner} is {each!r}, which is no whole number of a time")
             yield from _kinds_of(each, where, inner, depth + 1)
     elif isinstance(value, list):
@@ -198,14 +199,8 @@ def _stamp_ns(message: dict[str, Any]) -> int:
     first = transforms[0] if isinstance(transforms, list) and transforms else message
     header = first.get("header") if isinstance(first, dict) else None
     stamp = header.get("stamp") if isinstance(header, dict) else None
-    if not isinstance(stamp, dict):
-        return 0
-    names = next((names for names in _TIMES if set(stamp) == set(names)), None)
-    if names is None:
-        return 0
-    seconds, rest = (stamp[name] for name in names)
-    whole = isinstance(seconds, int) and isinstance(rest, int)
-    return 1_000_000_000 * seconds + rest if whole else 0
+    time = split_time(stamp) if isinstance(stamp, dict) else None
+    return 0 if time is None else 1_000_000_000 * time[0] + time[1]
 
 
 def _as_field(value: Any) -> Any:
@@ -249,9 +244,8 @@ def _kind_of(message: dict[str, Any]) -> str:
 
 
 def _fits(message: dict[str, Any], fields: dict[str, str], known: dict[str, dict[str, str]]) -> bool:
-    times = [set(names) for names in _TIMES]
-    if set(message) in times:
-        return set(fields) in times
+    if split_time(message) is not None:
+        return split_time(fields) is not None
     if set(message) - {"seq"} != set(fields) - {"seq"}:
         return False
     return all(

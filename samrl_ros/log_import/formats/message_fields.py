@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 _LONGEST = 256  # numbers of one array; more is an image or a cloud
 _MOST_ELEMENTS = 64  # of a list of messages, such as the points of a trajectory
-_TIME = ({"sec", "nanosec"}, {"secs", "nsecs"}, {"sec", "nsec"})
+_TIMES = (("sec", "nanosec"), ("secs", "nsecs"), ("sec", "nsec"))  # of ROS 2, ROS 1 and its bags
 
 
 def flatten(message: Any) -> dict[str, float | np.ndarray]:
@@ -22,6 +23,14 @@ def flatten(message: Any) -> dict[str, float | np.ndarray]:
     found: dict[str, float | np.ndarray] = {}
     _add(found, "", message, [])
     return found
+
+
+def split_time(fields: Mapping[str, Any]) -> tuple[Any, Any] | None:
+    """Seconds and nanoseconds of a message that is a time or a duration; None of any other."""
+    for names in _TIMES:
+        if fields.keys() == set(names):
+            return fields[names[0]], fields[names[1]]
+    return None
 
 
 def _fields(message: Any) -> dict[str, Any]:
@@ -42,9 +51,8 @@ def _add(found: dict[str, float | np.ndarray], prefix: str, message: Any, labels
             _add_array(found, path, value, inside)
         elif isinstance(value, list):
             _add_list(found, path, value, inside)
-        elif (parts := _fields(value)) and set(parts) in _TIME:
-            seconds, rest = parts.values()
-            found[path] = float(seconds) + 1e-9 * float(rest)
+        elif (parts := _fields(value)) and (time := split_time(parts)) is not None:
+            found[path] = float(time[0]) + 1e-9 * float(time[1])
         elif parts:
             _add(found, f"{path}.", value, inside)
 

@@ -280,7 +280,7 @@ def _is_pose(numbers: tuple[float, ...]) -> bool:
     return all(map(math.isfinite, numbers)) and abs(math.hypot(*numbers[3:]) - 1.0) < _UNIT_LENGTH
 
 
-def shorten(names: list[str]) -> str:
+def shorten(names: list[str], most: int = _NAMED) -> str:
     """The first ones of a long list."""
-    more = f", and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    return (", ".join(names[:_NAMED]) or "none") + more
+    more = f", and {len(names) - most} more" if len(names) > most else ""
+    return (", ".join(names[:most]) or "none") + more

@@ -28,8 +28,7 @@ def reads_what_is_logged(motion: RecordedMotion) -> np.ndarray:
     """Joints (J,) whose recorded torque holds what the law makes of the log's noise: it is no error then."""
     if motion.asked is None:
         return np.zeros(motion.joints, dtype=bool)
-    law = motion.described_law.total
-    return white_noise(law - motion.asked, motion.rate) <= FOREIGN * white_noise(law, motion.rate)
+    return _unlogged_noise(motion) <= FOREIGN * white_noise(motion.described_law.total, motion.rate)
 
 
 def sure_part(motion: RecordedMotion, terms: np.ndarray) -> np.ndarray:
@@ -38,17 +37,23 @@ def sure_part(motion: RecordedMotion, terms: np.ndarray) -> np.ndarray:
     Terms themselves where that noise is too little to bias a size: what only follows from the command lacks
     what friction makes of it, and where residuals are weighed that passes for a weaker law.
     """
+    if motion.asked is None:
+        return part_that_follows(motion, terms)
     own = reads_what_is_logged(motion)
     if np.all(own):
         return terms
-    quiet = np.zeros((len(terms), motion.joints), dtype=bool)
-    if motion.asked is not None:
-        # What the drive read and nobody logged shakes the machine: it is in the term as large as it shows.
-        unlogged = white_noise(motion.described_law.total - motion.asked, motion.rate)
-        noise = np.stack([np.hypot(unlogged, white_noise(term, motion.rate)) for term in terms])
-        seen = np.stack([np.var(motion.reduce(term), axis=0) for term in terms])
-        quiet = motion.band_share * noise**2 <= BIASED * seen
+    # What the drive read and nobody logged shakes the machine: it is in the term as large as it shows.
+    unlogged = _unlogged_noise(motion)
+    noise = np.stack([np.hypot(unlogged, white_noise(term, motion.rate)) for term in terms])
+    seen = np.stack([np.var(motion.reduce(term), axis=0) for term in terms])
+    quiet = motion.band_share * noise**2 <= BIASED * seen
     return np.where((own | quiet)[:, None, :], terms, part_that_follows(motion, terms))
+
+
+def _unlogged_noise(motion: RecordedMotion) -> np.ndarray:
+    """Standard deviation (J,) of the noise by which the recorded torque and the law of the log differ."""
+    assert motion.asked is not None
+    return white_noise(motion.described_law.total - motion.asked, motion.rate)
 
 
 def part_that_follows(motion: RecordedMotion, terms: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from samrl_core.common.errors import InputError
 from samrl_ros.log_import.draft.tracks.logged_tracks import LoggedTable
 from samrl_ros.log_import.draft.tracks.other_sensors import OtherSensor
+from samrl_ros.log_import.formats.transform_tree import shorten
 from samrl_ros.log_import.formats.views import name_of_file
 
 _NAMED = 4  # files in a message
@@ -37,5 +38,4 @@ def refuse_lone_sensor(tables: Sequence[LoggedTable]) -> None:
     if not tables or len(kinds) != 1 or (kind := kinds.pop()) is OtherSensor.NONE:
         return
     names = list(dict.fromkeys(name_of_file(each.path) for each in tables))
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    raise InputError(f"{', '.join(names[:_NAMED])}{more}: {_REMEDIES[kind]}")
+    raise InputError(f"{shorten(names, _NAMED)}: {_REMEDIES[kind]}")

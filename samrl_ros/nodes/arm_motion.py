@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from samrl_core.cell.control.smoother import JointSmoother
+from samrl_core.cell.control.touch_stop import TouchStop
 from samrl_core.cell.robots.arm_model import ArmModel, Payload
 from samrl_core.cell.robots.robot import RobotSpec
 from samrl_core.cell.types.observation import ArmCommand, ArmReading
@@ -64,19 +65,22 @@ class ArmMotion:
         self._arrived_ns = -1
         self._tracking_error = 0.0
         self._ahead: list[tuple[int, np.ndarray]] = []  # commands not yet valid, to compare with readings
+        self._touch: TouchStop | None = None  # that ends the motion
         self.busy = False
         self.stands = 0  # how often it was set to where it is measured
         self.reading: ArmReading | None = None
         self.commanded = np.zeros(len(spec.joint_names))
 
-    def move(self, waypoints: list[np.ndarray], least_s: float = 0.0) -> None:
+    def move(self, waypoints: list[np.ndarray], least_s: float = 0.0, touch: TouchStop | None = None) -> None:
         """Start towards waypoints (J,) [rad], smoothly from wherever the arm is; `least_s` as the smoother's.
+
+        With `touch` it is a guarded motion: it ends, as one that arrived, where that is felt.
 
         Raises:
             LimitError: a waypoint beyond the limits; the motion in progress is not touched.
         """
         self._smoother.set_waypoints(waypoints, least_s)
-        self.busy = True
+        self.busy, self._touch = True, touch
         self._started_ns = self._last_ns
         self._arrived_ns = -1
         self._tracking_error = 0.0
@@ -101,6 +105,9 @@ class ArmMotion:
         if steps <= 0:
             return None, None, False
         self._set_ns += steps * PERIOD_NS
+        if self._touch is not None and self._touch.feels(reading):
+            self._touch = None
+            self._smoother.stop()
         position, velocity, acceleration = self.commanded, np.zeros(0), np.zeros(0)
         for _ in range(steps):
             position, velocity, acceleration = self._smoother.step()
@@ -117,6 +124,7 @@ class ArmMotion:
         self.stands += 1
         self._last_ns = self._set_ns = reading.stamp_ns
         self._smoother.reset(reading.position)
+        self._touch = None
         self._ahead.clear()
         self.commanded = reading.position.copy()
         void, self.busy = self.busy, False
@@ -151,5 +159,5 @@ class ArmMotion:
         at_rest = float(np.abs(reading.velocity).max()) < self._settings.stopped_velocity
         if not at_rest and waited_ns < self._settings.goal_timeout_s * 1e9:
             return None
-        self.busy = False
+        self.busy, self._touch = False, None
         return MotionEnd(at_rest, (reading.stamp_ns - self._started_ns) * 1e-9, self._tracking_error)

@@ -10,6 +10,8 @@ from samrl_msgs.msg import MotionStatus, ToolAction
 
 from samrl_core.cell.control.cartesian import ACTION_S, LEASH, LONGEST_DISPLACEMENT, straight_line
 from samrl_core.cell.control.guard import CommandGuard
+from samrl_core.cell.control.tip_sense import TipSense
+from samrl_core.cell.control.touch_stop import TOUCH_DOWN, TouchStop, TouchStopSettings
 from samrl_core.cell.control.trajectory_rules import TrajectoryPoint, check_trajectory
 from samrl_core.cell.robots.arm_model import nominal_payloads
 from samrl_core.cell.robots.cells import DEFAULT_CELL, cell_named
@@ -54,6 +56,15 @@ class ManipulatorSettings:
     task_action_limit: float = setting(
         LONGEST_DISPLACEMENT, "longest displacement accepted", "m", (1e-3, 0.2)
     )
+    touch_speed: float = setting(
+        TouchStopSettings.speed,
+        "speed of a guarded motion, which ends where the tool touches",
+        "m/s",
+        (1e-3, 0.05),
+    )
+    touch_rise: float = setting(
+        TouchStopSettings.rise, "rise of the force along it that is a touch", "N", (0.1, 100.0)
+    )
     heed_stops: bool = setting(
         OUTLASTS_STOPS,
         "an arm that its command guard stopped gives up its motion at once; false as it once did",
@@ -73,6 +84,8 @@ class Manipulator(Behaviour):
         cell = cell_named(settings.cell)
         tool = task_named(settings.task).scene(cell).tool
         self._tip_in_flange = tool.tip_in_flange
+        self._sense = TipSense(cell, tool)
+        self._touch = TouchStopSettings(settings.touch_speed, settings.touch_rise)
         motion = MotionSettings(
             settings.max_velocity_scaling,
             settings.max_acceleration_scaling,
@@ -203,17 +216,20 @@ class Manipulator(Behaviour):
         if not np.isfinite(length) or length > limit:
             raise LimitError(f"tool displacement {length:.4f} m, limit {limit:.4f} m; ask for a shorter one")
         tip = self._tip()
-        start = self._leashed(tip)
-        arm.move(
-            straight_line(
-                lambda flange_in_base, seed: solve_ik(arm.model, flange_in_base, seed),
-                start,
-                displacement,
-                arm.commanded,
-                self._settings.waypoint_spacing,
-            ),
-            self._settings.action_duration,
+        start, spacing = self._leashed(tip), self._settings.waypoint_spacing
+        guarded = message.sub_goal == TOUCH_DOWN
+        waypoints = straight_line(
+            lambda flange_in_base, seed: solve_ik(arm.model, flange_in_base, seed),
+            start,
+            displacement,
+            arm.commanded,
+            max(length, spacing) if guarded else spacing,
         )
+        if guarded:
+            touch = TouchStop(self._sense, displacement, self._touch)
+            arm.move(waypoints, length / self._touch.speed, touch)
+        else:
+            arm.move(waypoints, self._settings.action_duration)
         self._action = (message, tip)
         self._taken, self._taken_ns = self._place(message), self._now_ns("tool_arm")
 

@@ -59,6 +59,7 @@ def _flipping() -> Task:
         small_radius=0.040,
         blade_width=0.030,
         aside=0.018,
+        turn_aside=0.010,
         surface_deviation=0.0029,
         shaken=True,
         upright=(1.2, 1.4),

@@ -31,7 +31,7 @@ from samrl_core.model.real2sim.tip_offset import TipOffset, TipOffsetFit, TipOff
 from samrl_core.policy.agent.exploration import Exploration, clip_norm, within_reach
 from samrl_core.policy.agent.settings import AgentSettings, Log, no_log, required
 from samrl_core.policy.contact.insertion import FREE_MOVES
-from samrl_core.policy.contact.surface_touch import FEEL, SurfaceTouch, felt_surface
+from samrl_core.policy.contact.surface_touch import SurfaceTouch, felt_surface
 from samrl_core.policy.contact.touch_insertion import TouchInsertion, TouchSettings
 from samrl_core.policy.networks.network_image import observed_image
 from samrl_core.policy.networks.networks import ResidualActor
@@ -225,9 +225,10 @@ class Agent:
         self._feel(observation, estimate.values)
         tip = self.tip(observation)
         if self._surface is not None and self.settings.touch:
-            down = self._surface.move(estimate.values, tip)
-            if down is not None:
-                return ActionChoice(FEEL, clip_norm(down, self.settings.longest), np.zeros(3))
+            to_touch = self._surface.move(estimate.values, tip)
+            if to_touch is not None:
+                way = clip_norm(to_touch.displacement, self.settings.longest)
+                return ActionChoice(to_touch.name, way, np.zeros(3))
         if self.settings.policy == "learned":
             name, nominal = self._learned_action(estimate, tip, observation)
         else:

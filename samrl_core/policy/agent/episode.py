@@ -9,6 +9,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
+from samrl_core.cell.control.touch_stop import TOUCH_DOWN
 from samrl_core.cell.types.observation import Observation
 from samrl_core.model.real2sim.real2sim import Estimate
 from samrl_core.policy.agent.agent import ActionChoice, Agent
@@ -36,6 +37,10 @@ class Plant(Protocol):
 
     def displace_tool(self, displacement: np.ndarray, /) -> None:
         """Move the tool's tip (3,) in the tool arm's base frame [m] and wait until it rests."""
+        ...
+
+    def touch_down(self, displacement: np.ndarray, /) -> None:
+        """The same for `TOUCH_DOWN`: slowly, and only until it touches, see `TouchStop`."""
         ...
 
 
@@ -101,6 +106,7 @@ def run_episode(
         with watch("act"):
             choice = agent.act(estimate, observation)
         with watch("move"):
-            plant.displace_tool(choice.displacement)
+            guarded = choice.sub_goal == TOUCH_DOWN
+            (plant.touch_down if guarded else plant.displace_tool)(choice.displacement)
         steps.append(Step(observation, estimate, choice))
         state = state.acted()

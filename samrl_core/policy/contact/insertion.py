@@ -17,8 +17,8 @@ from typing import Literal
 
 import numpy as np
 
+from samrl_core.cell.control.tip_sense import TipReading
 from samrl_core.policy.contact.hole_grid import REACH, Forgiveness, HoleGrid
-from samrl_core.policy.contact.tip_sense import TipReading
 from samrl_core.policy.contact.wedge import (
     Turning,
     TurningSettings,

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from samrl_core.cell.calibration.seen_error import SeenError
+from samrl_core.cell.control.tip_sense import TipSense
 from samrl_core.cell.robots.robot import CellSpec
 from samrl_core.cell.tasks.peg_insertion.task import BODY, PegInsertion
 from samrl_core.cell.tasks.task import Task
@@ -35,7 +36,6 @@ from samrl_core.policy.contact.insertion import (
     next_move,
 )
 from samrl_core.policy.contact.seen_hole import SeenHole
-from samrl_core.policy.contact.tip_sense import TipSense
 
 _KNOWN = 0.004  # so deep in the hole the peg says where it is [m]
 _IMAGES = 9  # at most of which the middle counts

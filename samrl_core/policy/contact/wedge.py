@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from samrl_core.policy.contact.tip_sense import TipReading
+from samrl_core.cell.control.tip_sense import TipReading
 
 
 @dataclass(frozen=True)

@@ -204,3 +204,9 @@ class _PatientPlant:
             self._plant.displace_tool(displacement)
         except ReachError:
             self._plant.observe()
+
+    def touch_down(self, displacement: np.ndarray) -> None:
+        try:
+            self._plant.touch_down(displacement)
+        except ReachError:
+            self._plant.observe()

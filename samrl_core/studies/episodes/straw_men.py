@@ -18,6 +18,7 @@ from typing import Protocol
 
 import numpy as np
 
+from samrl_core.cell.control.touch_stop import TOUCH_DOWN
 from samrl_core.cell.tasks.spatula_flipping.task import SpatulaFlipping
 from samrl_core.cell.tasks.task import SubGoal, Task
 from samrl_core.cell.types.observation import Observation
@@ -53,6 +54,10 @@ class BlindPlant(Protocol):
 
     def displace_tool(self, displacement: np.ndarray, /) -> None:
         """Move the tool's tip (3,) in the tool arm's base frame [m]."""
+        ...
+
+    def touch_down(self, displacement: np.ndarray, /) -> None:
+        """The same, slowly, and only until it touches: see `TouchStop`."""
         ...
 
 
@@ -135,7 +140,7 @@ def _feel_surface(
         if down is None:
             break
         with watch("move"):
-            plant.displace_tool(down)
+            (plant.touch_down if down.name == TOUCH_DOWN else plant.displace_tool)(down.displacement)
         left -= 1
     return surface.height, left
 

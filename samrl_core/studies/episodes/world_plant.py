@@ -73,6 +73,15 @@ class WorldPlant:
         self._advance(self._think_steps)
         self._motion.displace(displacement)
 
+    def touch_down(self, displacement: np.ndarray) -> None:
+        """See `Plant`.
+
+        Raises:
+            ReachError: the arm does not get there; it has not moved.
+        """
+        self._advance(self._think_steps)
+        self._motion.touch_down(displacement)
+
     def _advance(self, steps: int) -> None:
         for _ in range(steps):
             self._world.advance()

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from samrl_core.cell.control.tip_sense import TipReading
 from samrl_core.policy.contact.hole_grid import Forgiveness
-from samrl_core.policy.contact.tip_sense import TipReading
 
 STIFFNESS = 1500.0  # of each spring [N/m]
 FORGIVEN = Forgiveness.radius  # within which the tip drops in [m]

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from samrl_core.cell.control.tip_sense import TipReading
 from samrl_core.policy.contact.hole_grid import APART, FREEDOM, REACH, Forgiveness, HoleGrid
 from samrl_core.policy.contact.insertion import (
     BOTTOM,
@@ -18,7 +19,6 @@ from samrl_core.policy.contact.insertion import (
     looked_again,
     next_move,
 )
-from samrl_core.policy.contact.tip_sense import TipReading
 from tests.policy.contact.spring_block import FREE_FORCE, STIFFNESS, SpringBlock
 
 S = InsertionSettings()

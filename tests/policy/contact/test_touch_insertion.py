@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from samrl_core.cell.control.tip_sense import TipReading
 from samrl_core.cell.instance.cell_instance import instance_named
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
@@ -20,7 +21,6 @@ from samrl_core.model.real2sim.real2sim import Estimate, initial_estimate
 from samrl_core.model.real2sim.tip_offset import TipOffset
 from samrl_core.policy.agent.settings import AgentSettings
 from samrl_core.policy.contact.insertion import BOTTOM, FORCED, begin
-from samrl_core.policy.contact.tip_sense import TipReading
 from samrl_core.policy.contact.touch_insertion import TouchInsertion, TouchSettings, require_peg
 from samrl_core.studies.episodes.world_plant import WorldPlant
 

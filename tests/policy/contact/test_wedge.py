@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from samrl_core.cell.control.tip_sense import TipReading
 from samrl_core.policy.contact.insertion import BOTTOM, Insertion, InsertionSettings, Mouth, begin, next_move
-from samrl_core.policy.contact.tip_sense import TipReading
 from samrl_core.policy.contact.wedge import (
     Turning,
     TurningSettings,

@@ -26,6 +26,7 @@ class Arc:
     step: float  # angle between two sub-goals at most [rad]
     push_step: float  # largest displacement per action [m]
     upright: tuple[float, float]  # angles between which the pancake stands by itself [rad]
+    aside: float = 0.0  # the edge stays this far beside the pancake's middle, and follows it beyond [m]
 
     @property
     def step_across(self) -> float:
@@ -59,10 +60,12 @@ class Arc:
     def left(self, y: float, tip: np.ndarray) -> tuple[SubGoal, ...]:
         """Those ahead of a tip (3,) [m]; none where it is not on the arc, or at its end.
 
+        A pancake that leans on a blade slides along with it sideways, and farther: who follows it chases it.
         The first is at least half a step away, or noise would hold the tip where it is.
         """
         along, up = self.foot[0] - float(tip[0]), float(tip[2]) - self.foot[1]
         angle, radius = math.atan2(up, along), math.hypot(along, up)
         if abs(radius - self.radius) > _NEAR or along > self.begins + _BEFORE or angle > self.end:
             return ()
-        return tuple(goal for phi, goal in self.goals(y) if phi > angle + 0.5 * self.step)
+        beside = min(max(float(tip[1]), y - self.aside), y + self.aside)
+        return tuple(goal for phi, goal in self.goals(beside) if phi > angle + 0.5 * self.step)

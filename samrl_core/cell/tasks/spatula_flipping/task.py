@@ -78,6 +78,7 @@ class SpatulaFlipping(Task):
     gap: float = 0.030  # between the edge and the rim where it comes down [m]
     under: float = 0.055  # the edge stops so far before the lip [m]
     aside: float = 0.004  # so far beside the pancake's middle it stays under it [m]
+    turn_aside: float = 0.0  # so far beside the pancake's middle it stays while it turns it [m]
     arc_radius: float = 0.055  # of the edge's way about the foot of the lip [m]
     arc_end: float = 1.9  # angle above the table at which the arc ends [rad]
     arc_step: float = 0.10  # angle between two sub-goals [rad]
@@ -364,7 +365,7 @@ class SpatulaFlipping(Task):
     @property
     def _arc(self) -> Arc:
         foot, turn = (self.lip_x, self._low), (self.arc_radius, self.arc_end, self.arc_step)
-        return Arc(foot, self.under, *turn, self.push_step, self.upright)
+        return Arc(foot, self.under, *turn, self.push_step, self.upright, self.turn_aside)
 
     def _values(self, values: np.ndarray) -> np.ndarray:
         v = np.asarray(values, dtype=np.float64)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from samrl_core.cell.control.tip_sense import TipSense
 from samrl_core.cell.robots.arm_model import ArmModel, Payload
 from samrl_core.cell.robots.cells import cell_named
 from samrl_core.cell.tasks import task_named
 from samrl_core.cell.types.observation import ArmReading
-from samrl_core.policy.contact.tip_sense import TipSense
 
 CELL, TASK = cell_named(), task_named("peg_insertion_hard")
 TOOL = TASK.scene(CELL).tool

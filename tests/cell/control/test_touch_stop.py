@@ -34,7 +34,7 @@ class Descent:
 
     def stops_at(self, seconds: float = 2.5) -> float | None:
         """How far below the start the touch was felt [mm]; None without one."""
-        touch = TouchStop(self, DOWN)  # ty: ignore[invalid-argument-type]
+        touch = TouchStop(self, DOWN)
         for stamp_ns in range(0, round(seconds * 1e9), round(1e9 / self._hz)):
             reading: Any = SimpleNamespace(stamp_ns=stamp_ns)
             if touch.feels(reading):
@@ -62,7 +62,7 @@ def test_nothing_is_felt_where_nothing_is(unstuck: float) -> None:
 @pytest.mark.parametrize("way", [np.zeros(3), np.array([0.0, math.nan, 0.1]), np.zeros(2)])
 def test_a_way_without_direction_is_refused(way: np.ndarray) -> None:
     with pytest.raises(InputError, match="way of a guarded motion"):
-        TouchStop(Descent(), way)  # ty: ignore[invalid-argument-type]
+        TouchStop(Descent(), way)
 
 
 def test_settings_that_stop_nothing_are_refused() -> None:

@@ -35,7 +35,7 @@ def test_a_blade_stops_at_the_plate_and_every_node_knows_its_height(tmp_path: Pa
         graph.run()
         truth = graph.world.truth()
         heights = {
-            name: node._agent._surface.height  # ty: ignore[unresolved-attribute]
+            name: node._agent._surface.height  # ty: ignore[missing-attribute]
             for name, node in graph.nodes.items()
             if name in ("policy", "model_updater")
         }
@@ -46,6 +46,6 @@ def test_a_blade_stops_at_the_plate_and_every_node_knows_its_height(tmp_path: Pa
     assert len(ways) >= 1 and all(asked == pytest.approx(-0.010) for asked, _ in ways)
     assert ways[-1][1] > -0.0095, "the last of them was stopped"
     assert {message.message for message in heard[STATUS]} == {"reached"}
-    assert truth.peak_contact_force < 0.75 * task_named(TASK).force_limit  # ty: ignore[unresolved-attribute]
+    assert truth.peak_contact_force < 0.75 * task_named(TASK).force_limit  # ty: ignore[missing-attribute]
     surface = instance_named(CARELESS, cell_named()).parts.surface
     assert np.allclose(list(heights.values()), surface, atol=1.5e-3) and len(set(heights.values())) == 1

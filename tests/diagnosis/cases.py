@@ -25,6 +25,17 @@ UPPER = np.array([0.5, 0.1, 0.01, 0.0, 1e-3, -2e-3, 0.025, 0.0, 0.0, 0.026])
 # three tenths of all that the fore-arm has
 FORE = np.array([0.39, 0.0546, 0.0, 0.0039, 6.39e-4, 0.0, 0.010383, -5.46e-4, 0.0, 0.010344])
 
+# the fore-arm's centre of mass 15 mm farther out and 8 mm aside, exactly: its mass is 1.3 kg
+SHIFT = np.array([0.015, -0.008, 0.0])
+
+
+def shifted_fore(shift: np.ndarray = SHIFT) -> np.ndarray:
+    """Change of the fore-arm's inertial parameters (10,) by a shift of its centre of mass (3,) [m]."""
+    mass, centre = 1.3, np.array([0.14, 0.0, 0.01])
+    after, before = (c @ c * np.eye(3) - np.outer(c, c) for c in (centre + shift, centre))
+    inertia = mass * (after - before)
+    return np.concatenate([[0.0], mass * shift, inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]])
+
 
 def find_form(effect: Effect, trial: Trial, place: str, name: str) -> Form:
     """The form of that name at a place of the contract."""
@@ -209,6 +220,11 @@ CASES: tuple[Case, ...] = (
     Case(
         "link_inertia", "link:fore", "scale", {"inertial_delta": np.stack([0 * FORE, 0 * FORE, FORE])}, {},
         (0.3,), {"mass_error": 0.3, "mass": 0.39},
+    ),
+    Case(
+        "link_inertia", "link:fore", "centre of mass",
+        {"inertial_delta": np.stack([0 * FORE, 0 * FORE, shifted_fore()])}, {}, tuple(SHIFT),
+        {"com_shift": 0.017, "first_moment": 1.3 * 0.017},
     ),
     Case(
         "base_tilt", "arm:tool_arm", "", {"gravity": TILTED}, {}, (0.03, -0.02),

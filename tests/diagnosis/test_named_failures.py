@@ -17,7 +17,7 @@ from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit, hypothesis, on_bound
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
 from tests.diagnosis import worlds
-from tests.diagnosis.cases import PAYLOAD
+from tests.diagnosis.cases import PAYLOAD, shifted_fore
 from tests.diagnosis.test_diagnose import LOADS, assert_covers, diagnosed
 from tests.diagnosis.worlds import BEND, LIFT, TURN
 
@@ -131,12 +131,21 @@ def test_a_mass_that_no_motion_shows_is_not_claimed() -> None:
     assert diagnosis.verdict == "no_gap", (diagnosis.reasons, diagnosis.effects)
 
 
+def test_a_last_links_centre_of_mass_is_no_payload_of_no_mass() -> None:
+    """Of two Qubes whose pendulum's centre lay elsewhere a payload of -0.000 kg was named."""
+    delta = np.stack([np.zeros(10), np.zeros(10), shifted_fore()])
+    diagnosis = diagnosed(5, {"link_inertia", "payload", "actuator_gain", "base_tilt"}, inertial_delta=delta)
+    assert diagnosis.verdict == "effect", (diagnosis.reasons, diagnosis.effects)
+    assert diagnosis.effects[0].name == "link_inertia@link:fore"
+    assert diagnosis.effects[0].parameters["com_shift"].value == pytest.approx(0.017, rel=0.2)
+
+
 def test_what_no_motion_shows_stays_at_its_prior() -> None:
     """The fit is regular although most of a first link's ten parameters have no column."""
     likelihood = Likelihood(worlds.trials(worlds.world(5, "AB", inertial_delta=UNSEEN_MASS)))
     (effect,) = library(["link_inertia"])
     trial = likelihood.trials[0]
-    form, _ = effect.forms(trial, Place.find(trial, "link:post"))
+    form, *_ = effect.forms(trial, Place.find(trial, "link:post"))
     h = hypothesis(likelihood, effect, form, {})
     assert h is not None
     columns = form.columns(trial, {})

@@ -12,6 +12,8 @@ from samrl_core.diagnosis.residuals.trial import Trial
 
 SCALES = 0.3  # spread of a link's scale before any data
 LEAST, MOST = 0.2, 5.0  # factors between which a link's numbers are off by a factor
+BESIDE = 0.1  # of its distance from the joint: spread of a link's centre of mass before any data
+LEAST_BESIDE = 0.01  # the same of a link whose centre lies on its joint [m]
 
 
 class LinkInertia(Effect):
@@ -31,6 +33,7 @@ class LinkInertia(Effect):
         Parameter("mass", "kg", -1.0, 1.0, "beyond nominal; base parameters only are seen"),
         Parameter("first_moment", "kg m", 0.0, 0.2, "length of the change of mass times centre"),
         Parameter("mass_error", "1", -0.5, 1.0, "relative change of mass, first moment and inertia alike"),
+        Parameter("com_shift", "m", 0.0, 0.1, "of the centre of mass alone, what the torques show of it"),
     )
 
     def why_unobservable(self, trial: Trial) -> str | None:
@@ -44,9 +47,10 @@ class LinkInertia(Effect):
     def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
         assert trial.rigid is not None
         scaled = ScaledLink(name="scale", place=place, amplitudes=("s",))
+        shifted = ShiftedLink(name="centre of mass", place=place, amplitudes=("x", "y", "z"))
         if place.name == f"link:{trial.rigid.links[-1]}":
-            return (scaled,)
-        return AtLink(place=place, amplitudes=INERTIAL), scaled
+            return scaled, shifted
+        return AtLink(place=place, amplitudes=INERTIAL), scaled, shifted
 
 
 class AtLink(Form):
@@ -106,6 +110,48 @@ class ScaledLink(AtLink):
         delta = np.zeros((trial.joints, 10))
         delta[k] = amplitudes[0] * trial.rigid.inertial_parameters[k]
         return {"inertial_delta": delta}
+
+
+class ShiftedLink(AtLink):
+    """A link's centre of mass lies elsewhere, its mass and its inertia about that centre are right.
+
+    What a wrong origin of the inertial frame does, or a part mounted on the other side. Inertia about the
+    joint goes with it by the parallel axes, to first order of the shift.
+    """
+
+    def columns(self, trial: Trial, shape: Shape) -> Columns:
+        return trial.link(np.moveaxis(trial.regressor[:, :, self.link(trial), :] @ self._units(trial), 2, 0))
+
+    def prior(self, trial: Trial, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+        _, centre = self._nominal(trial)
+        return np.zeros(3), np.full(3, max(BESIDE * float(np.linalg.norm(centre)), LEAST_BESIDE))
+
+    def parameters(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> dict[str, float]:
+        mass, _ = self._nominal(trial)
+        shift = float(np.linalg.norm(amplitudes))
+        return {"first_moment": mass * shift, "com_shift": shift}
+
+    def plant_fields(self, trial: Trial, shape: Shape, amplitudes: np.ndarray) -> PlantFields | None:
+        delta = np.zeros((trial.joints, 10))
+        delta[self.link(trial)] = self._units(trial) @ amplitudes
+        return {"inertial_delta": delta}
+
+    def _nominal(self, trial: Trial) -> tuple[float, np.ndarray]:
+        """Mass [kg] and centre of mass (3,) [m] by the model, in the joint's frame."""
+        assert trial.rigid is not None
+        nominal = trial.rigid.inertial_parameters[self.link(trial)]
+        mass = float(nominal[0])
+        return mass, nominal[1:4] / mass if mass > 0.0 else np.zeros(3)
+
+    def _units(self, trial: Trial) -> np.ndarray:
+        """Inertial parameters (10, 3) by a metre of shift along each axis."""
+        mass, centre = self._nominal(trial)
+        out = np.zeros((10, 3))
+        for k, axis in enumerate(np.eye(3)):
+            inertia = 2.0 * centre[k] * np.eye(3) - np.outer(centre, axis) - np.outer(axis, centre)
+            out[1:4, k] = mass * axis
+            out[4:, k] = mass * inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
+        return out
 
 
 def _matrix(p: np.ndarray) -> np.ndarray:

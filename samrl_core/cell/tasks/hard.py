@@ -60,6 +60,8 @@ def _flipping() -> Task:
         blade_width=0.030,
         aside=0.018,
         turn_aside=0.010,
+        done_height=0.040,  # on a plate that is too high, and shown too high
+        beyond=0.005,
         surface_deviation=0.0029,
         shaken=True,
         upright=(1.2, 1.4),

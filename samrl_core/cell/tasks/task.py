@@ -194,9 +194,13 @@ class Task(ABC):
     def look_alikes(self, values: np.ndarray) -> tuple[np.ndarray, ...]:
         """Other parameters (P,) that give the target the same shape in the same place, as a disc turned over.
 
-        No outline and no depth tells them apart, only colours do.
+        No outline and no depth tells them apart, only colours do, or that one of them cannot be.
         """
         return ()
+
+    def is_possible(self, values: np.ndarray) -> bool:
+        """Whether the target can lie so: of look-alikes, one that cannot gives way to one that can."""
+        return True
 
     @abstractmethod
     def start_joints(self, cell: CellSpec) -> dict[str, np.ndarray]:

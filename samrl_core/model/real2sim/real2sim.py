@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -297,17 +298,19 @@ class Real2Sim:
     def _right_face(
         self, fit: PoseFit, colors: np.ndarray, seen: _SeenTarget, belief: np.ndarray, compared: bool
     ) -> tuple[PoseFit, float]:
-        """The fit, or that of a look-alike which the colours known before speak for, and its eq. 6 with them.
+        """The fit, or that of a look-alike that colours known before speak for, or that alone is possible.
 
-        A fit that took the wrong face of a disc paints it in the other's colour, and would be right for ever.
+        With its eq. 6 by those colours. A fit that took the wrong face of a disc paints it in the other's
+        colour, and would be right for ever.
         """
-        s, misfit = self._settings, seen.misfit
-        look_alikes = self._model.task.look_alikes(fit.values)
+        s, misfit, task = self._settings, seen.misfit, self._model.task
+        look_alikes = task.look_alikes(fit.values)
         if not (compared or look_alikes):
             return fit, float("nan")
         loss = misfit.losses(fit.values, colors).total
         for values in look_alikes:
-            least = s.other_face * loss
+            forced = task.is_possible(values) and not task.is_possible(fit.values)
+            least = math.inf if forced else s.other_face * loss
             if misfit.losses(values, colors).total < least:
                 other = fit_pose(seen.renderer, seen.real, misfit, values, colors, belief, s.noise, s.pose)
                 found = misfit.losses(other.values, colors).total

@@ -127,6 +127,18 @@ def test_a_small_pancake_is_approached_at_its_own_rim() -> None:
         task.body_poses(np.zeros(5))
 
 
+def test_a_pancake_behind_the_lip_has_fallen_over_it() -> None:
+    """And is done however high its plate lies, or is shown; the plain task asks colours alone."""
+    task, start = flipping(), np.array([0.385, 0.0, 0.02])
+    rest = [1.0, 0.0, 0.0, 0.0]
+    flat, turned = (np.array([0.600, 0.0, 0.033, 0.0, tilt, *rest]) for tilt in (0.2, math.pi - 0.2))
+    before = np.array([0.545, 0.0, 0.006, 0.0, 0.1, *rest])
+    assert not task.is_possible(flat) and task.is_possible(turned) and task.is_possible(before)
+    assert task.is_done(turned, start) and not task.is_done(flat, start)
+    assert not task.is_done(turned + [0.0, 0.0, 0.020, *np.zeros(6)], start), "held up by the blade"
+    assert TASKS["spatula_flipping"].is_possible(flat[:5])
+
+
 def test_pancakes_of_both_sizes_come_and_lie_clear_of_the_lip() -> None:
     radii = np.array([one.pancake_radius for one in made(flipping()) if isinstance(one, SpatulaFlipping)])
     small = radii < 0.045

@@ -87,6 +87,7 @@ class SpatulaFlipping(Task):
     success_height: float = 0.030  # its centre was higher than this [m]
     success_speed: float = 0.020  # at the end [m/s]
     done_height: float = 0.022  # of the estimated centre at most; it may lie half on the lip [m]
+    beyond: float = math.inf  # so far behind the lip's near face lies only what has fallen over it [m]
     free_step: float = 0.010  # largest displacement per action in free space [m]
     push_step: float = 0.006  # the same under the pancake and while turning it [m]
     pancake_label: int = 1
@@ -250,6 +251,11 @@ class SpatulaFlipping(Task):
         turned = self.values_of(self.body_poses(values)[PANCAKE] @ _TURNED_OVER)
         turned[5:] = self._values(values)[5:]
         return (turned,)
+
+    def is_possible(self, values: np.ndarray) -> bool:
+        """The lip stops a pancake: beyond it lies only one that has fallen over it."""
+        v = self._values(values)
+        return bool(v[0] < self.lip_x + self.beyond or math.cos(math.hypot(v[3], v[4])) < 0.0)
 
     def chain_angles(self, values: np.ndarray) -> np.ndarray:
         """None: the tool is rigid."""

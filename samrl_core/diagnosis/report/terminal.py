@@ -99,8 +99,17 @@ def _which(d: Diagnosis) -> list[str]:
     lines = []
     for e in d.effects[:3]:
         values = words.parameters(e) or "no parameters"
-        lines.append(_line("which", f"{e.name}, probability {words.probability(e.probability)}: {values}"))
+        chance = f"probability {words.probability(e.probability)}{_next(d)}"
+        lines.append(_line("which", f"{e.name}, {chance}: {values}"))
     return lines
+
+
+def _next(d: Diagnosis) -> str:
+    """The likeliest rival's probability, where the named cause has less than half: many share the rest."""
+    if len(d.effects) != 1 or d.effects[0].probability >= 0.5 or not d.runner_ups:
+        return ""
+    likeliest = max(r.probability for r in d.runner_ups)
+    return f" among all that were tried, no rival's above {words.probability(likeliest)}"
 
 
 def _candidate(d: Diagnosis, name: str) -> str:

@@ -92,7 +92,16 @@ def test_what_remains_is_never_nothing_and_never_of_the_torque_alone() -> None:
 def test_no_probability_is_a_certainty(value: float, said: str) -> None:
     d = samples.diagnosis("effect")
     sure = replace(d, effects=(replace(d.effects[0], probability=value),))
-    assert f"probability {said}:" in "\n".join(summary(sure))
+    assert f"probability {said}" in "\n".join(summary(sure))
+
+
+def test_a_cause_below_one_half_is_named_beside_its_rivals() -> None:
+    d = samples.diagnosis("effect")
+    rivals = tuple(replace(r, probability=0.04) for r in d.runner_ups)
+    text = "\n".join(
+        summary(replace(d, effects=(replace(d.effects[0], probability=0.27),), runner_ups=rivals))
+    )
+    assert "probability 27 % among all that were tried, no rival's above 4 %:" in " ".join(text.split())
 
 
 def test_an_ambiguous_gap_shows_the_set_and_the_next_recording() -> None:

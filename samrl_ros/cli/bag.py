@@ -120,7 +120,9 @@ def draft_command(
         typer.echo(as_yaml(drafted), nl=False)
         return
     sure = sum(guess.sure for guess in drafted.guesses)
-    typer.echo(f"{out}: {sure} entries are sure, {len(drafted.questions)} ask")
+    resting = sum(bool(guess.asked_with) and not guess.question for guess in drafted.guesses)
+    also = f", {resting} rest on what is asked" if resting else ""
+    typer.echo(f"{out}: {sure} entries are sure, {len(drafted.questions)} ask{also}")
     for question in drafted.questions:
         typer.echo(f"  {question}")
     for each in drafted.would_tell:

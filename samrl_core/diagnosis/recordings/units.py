@@ -35,6 +35,9 @@ _COMMAND_FACTORS = {
     1000.0: "the command in mm (or mrad), the states in m (or rad)",
     1e-3: "the states in mm (or mrad), the command in m (or rad)",
 }
+_TURN = 2.0 * np.pi
+_NEAR_TURN = 0.1  # relative, by which a ratio may miss a turn's: what sags below its command does by 4 %
+_APART = 4.0  # times, beyond which a command is no set point of what moves with it
 
 
 @dataclass(frozen=True)
@@ -147,7 +150,7 @@ def velocity_notes(where: str, recording: ArmRecording) -> list[str]:
             raise InputError(f"{where}: {said}; one of them has the wrong sign, mend it")
         _refuse_factor(where, said, ratio, _VELOCITY_FACTORS, 0.1)
         if not 0.8 < ratio < 1.25:
-            notes.append(said)
+            notes.append(said + _by_a_turn(ratio, "velocity", "position"))
     return notes
 
 
@@ -172,7 +175,18 @@ def command_notes(where: str, recording: ArmRecording) -> list[str]:
             _refuse_factor(where, said, ratio, _COMMAND_FACTORS, 0.1)
         if likeness < -_CLEAR:
             notes.append(f"{said}: they move in opposite directions")
+        elif likeness > _CLEAR and not 1.0 / _APART < ratio < _APART:
+            turns = _by_a_turn(ratio, "command", "states")
+            notes.append(f"{said}{turns}; is it in another unit, or before a gear?")
     return notes
+
+
+def _by_a_turn(ratio: float, one: str, other: str) -> str:
+    """What a ratio of a turn's radians, or its inverse, says of two channels; empty for any other."""
+    for factor, turns, radians in ((_TURN, other, one), (1.0 / _TURN, one, other)):
+        if abs(abs(ratio) / factor - 1.0) < _NEAR_TURN:
+            return f", as if {turns} were in revolutions and {radians} in radians"
+    return ""
 
 
 def effort_notes(recording: ArmRecording) -> list[str]:

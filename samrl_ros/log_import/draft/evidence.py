@@ -18,8 +18,12 @@ _RATIOS = {  # position's unit over that of the velocity [1/s]
     ("deg", "rpm"): 6.0,
     ("rev", "rev/s"): 1.0,
     ("rev", "rpm"): 1.0 / 60.0,
+    ("rev", "rad/s"): 0.5 / np.pi,
+    ("rev", "deg/s"): 1.0 / 360.0,
     ("mm", "mm/s"): 1.0,
     ("mm", "m/s"): 1000.0,
+    ("m", "m/s"): 1.0,
+    ("m", "mm/s"): 0.001,
 }
 _BACK, _ON = 0.1, 0.5  # of the steps: that a clock may go back, and that it goes on in most rows
 _NEAR = 0.15  # relative error of a ratio up to which it is that of the units
@@ -70,6 +74,13 @@ def velocity_unit(position_unit: str, fit: RateFit) -> str:
         if one == position_unit and abs(fit.ratio / ratio - 1.0) < _NEAR:
             return other
     return ""
+
+
+def in_other_units(position_unit: str, fit: RateFit, of: str = "the position") -> str:
+    """Units of a velocity by those that its position may have instead; empty where none fits."""
+    others = dict.fromkeys(one for one, _ in _RATIOS if one != position_unit)
+    told = [f"{unit} if in {one}" for one in others if (unit := velocity_unit(one, fit))]
+    return ", ".join(told).replace("if in", f"if {of} is in", 1)
 
 
 def follows(time: np.ndarray, position: np.ndarray, other_time: np.ndarray, other: np.ndarray) -> float:

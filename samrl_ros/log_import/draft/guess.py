@@ -13,6 +13,10 @@ EFFORT_HELP = (
 )
 
 
+POSITION_UNITS = frozenset(("unit", "counts", "speed"))  # what is asked of a position's unit
+_COUNTS = {2: "both", 3: "all three", 4: "all four"}
+
+
 class Effort(StrEnum):
     """What measured efforts are."""
 
@@ -31,11 +35,13 @@ class Guess:
     reason: str
     question: str = ""  # what the user has to confirm or answer; empty where the log itself is proof
     asks: str = ""  # for what: `order`, `unit`, `torque_unit`, `rate`; a model or a velocity may tell it
+    if_other: str = ""  # what the entry is if the position's unit is another; empty where it rests on none
+    asked_with: str = ""  # key of the entry whose open question is this one's, too
 
     @property
     def sure(self) -> bool:
         """Whether nothing is left to ask."""
-        return not self.question
+        return not self.question and not self.asked_with
 
 
 @dataclass
@@ -70,9 +76,26 @@ class Draft:
         """What is not sure, a sentence each."""
         return [f"{guess.key}: {guess.question}" for guess in self.guesses if guess.question]
 
-    def note(self, key: str, reason: str, question: str = "", asks: str = "") -> None:
+    def note(self, key: str, reason: str, question: str = "", asks: str = "", if_other: str = "") -> None:
         """Remember why an entry is what it is."""
-        self.guesses.append(Guess(key, reason, question, asks if question else ""))
+        self.guesses.append(Guess(key, reason, question, asks if question else "", if_other))
+
+    def ask_with_position(self) -> None:
+        """Let entries that rest on an open question of the position's unit be asked with it."""
+        opened = next((guess for guess in self.guesses if guess.asks in POSITION_UNITS), None)
+        if opened is None:
+            return
+        resting = [guess for guess in self.guesses if guess.if_other]
+        if keys := dict.fromkeys(guess.key for guess in resting if guess.key != opened.key):
+            count = _COUNTS.get(len(keys) + 1, f"all {len(keys) + 1}")
+            also = f"{opened.question} Answer for {count}: {', '.join(keys)} rest on it"
+            self._change(opened.asks, lambda guess: replace(guess, question=also))
+        self.guesses = [
+            replace(guess, reason=f"{guess.reason}; {guess.if_other}", asked_with=opened.key)
+            if guess.if_other
+            else guess
+            for guess in self.guesses
+        ]
 
     def settle(self, asks: str, reason: str) -> None:
         """Answer the questions for something by another reason."""

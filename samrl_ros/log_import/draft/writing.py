@@ -68,7 +68,8 @@ def _entry(draft: Draft, path: str, entry: dict[str, Any]) -> list[str]:
 def _reasons(draft: Draft, key: str) -> list[str]:
     lines = []
     for guess in draft.of(key):
-        text = f"{'QUESTION' if guess.question else 'sure'}: {guess.reason}"
+        open_head = f"ASKED with {guess.asked_with}" if guess.asked_with else "sure"
+        text = f"{'QUESTION' if guess.question else open_head}: {guess.reason}"
         if guess.question:
             text += f". {guess.question[0].upper()}{guess.question[1:]}"
         lines += textwrap.wrap(text, _WIDTH, initial_indent="# ", subsequent_indent="#   ")

@@ -17,7 +17,7 @@ def unit_of_command(
 ) -> str:
     """Unit of a commanded position: its name's, else the measured one's if the numbers are as large."""
     key = "channels.command.position"
-    if command.meaning.unit in _UNITS and command.meaning.unit != unit:
+    if says_unit(command) and command.meaning.unit != unit:
         draft.note(key, f"{name_of(command)} in {command.meaning.unit}: its name says so")
         return command.meaning.unit
     spans = np.ptp(command.block.ordered(order), axis=0), np.ptp(position.block.ordered(order), axis=0)
@@ -31,10 +31,15 @@ def unit_of_command(
     return unit
 
 
+def says_unit(command: NamedBlock) -> bool:
+    """Whether a command's name says its unit, so that it does not rest on the position's."""
+    return command.meaning.unit in _UNITS
+
+
 def rate_of_command(
     rates: list[NamedBlock], command: NamedBlock, order: list[str], unit: str, time: np.ndarray
-) -> tuple[NamedBlock, str, float] | None:
-    """The commanded velocity that integrates to the commanded position, its unit and the ratio."""
+) -> tuple[NamedBlock, str, evidence.RateFit] | None:
+    """The commanded velocity that integrates to the commanded position, its unit and how it fits."""
     for each in rates:
         if not set(order) <= set(each.block.labels) or len(each.block.rows) != len(command.block.rows):
             continue
@@ -45,5 +50,5 @@ def rate_of_command(
             each.block.ordered(order)[both[each.block.rows]],
         )
         if fitting := evidence.velocity_unit(unit, fit):
-            return each, fitting, fit.ratio
+            return each, fitting, fit
     return None

@@ -42,11 +42,17 @@ def position_unit(position: NamedBlock, draft: Draft) -> str:
         draft.note(key, "called as ODrive's estimate, in turns of the motor", question, "unit")
         return "rev"
     if (values == np.round(values)).all() and set(words_in(position.block.stem)) & _COUNTED:
-        draft.note(key, f"counts up to {largest:g}", "how many counts make a turn, 4096? Which one is zero?")
+        draft.note(
+            key, f"counts up to {largest:g}", "how many counts make a turn, 4096? Which one is zero?",
+            "counts",
+        )  # fmt: skip
         return "counts/4096"
     if (values == np.round(values)).all() and largest > 100:
         unit = "counts/4096" if values.min() >= 0 and largest < 4096 else "deg"
-        draft.note(key, f"whole numbers up to {largest:g}", f"is the unit {unit}? Or deg, mm? Is zero at 0?")
+        draft.note(
+            key, f"whole numbers up to {largest:g}", f"is the unit {unit}? Or deg, mm? Is zero at 0?",
+            "counts",
+        )  # fmt: skip
         return unit
     stepped = unit_of_steps(values)
     unit = stepped or ("deg" if largest > _FULL_TURNS else "rad")

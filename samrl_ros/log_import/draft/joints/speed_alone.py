@@ -18,6 +18,7 @@ _POSITIONS = {
     "rpm": ("rev", 60.0),
     "mm/s": ("mm", 1.0),
 }  # unit, speeds in one
+_SAME = "its unit is what is asked there"
 _FAST = 100.0  # [rad/s] a speed beyond which is rather in rpm
 
 
@@ -39,7 +40,7 @@ def integrate_speeds(
     unit = _unit_of(speed, draft)
     place, count = _POSITIONS[unit]
     states = quantity_of(speed, order, unit, draft, "states")
-    draft.note("channels.states.velocity", f"{name_of(speed)}: the name says velocity")
+    draft.note("channels.states.velocity", f"{name_of(speed)}: the name says velocity", if_other=_SAME)
     draft.channels["states"] = {
         "source": "states", "position": _integrals(states["formula"], place, count), "velocity": states,
     }  # fmt: skip
@@ -57,7 +58,9 @@ def integrate_speeds(
     ]
     if commanded:
         sent = quantity_of(commanded[0], order, unit, draft, "states")
-        draft.note("channels.command.velocity", f"{name_of(commanded[0])}: the name says commanded")
+        draft.note(
+            "channels.command.velocity", f"{name_of(commanded[0])}: the name says commanded", if_other=_SAME
+        )
         draft.channels["command"] = {
             "source": "states", "position": _integrals(sent["formula"], place, count), "velocity": sent,
         }  # fmt: skip
@@ -79,5 +82,5 @@ def _unit_of(speed: NamedBlock, draft: Draft) -> str:
     largest = float(np.abs(speed.block.values).max())
     unit = said or ("rpm" if largest > _FAST else "rad/s")
     question = "" if said else f"is {name_of(speed)} in {unit}, and not rad/s, deg/s or rpm?"
-    draft.note(key, f"the integral of {name_of(speed)}, in {unit}: no position was logged", question)
+    draft.note(key, f"the integral of {name_of(speed)}, in {unit}: no position was logged", question, "speed")
     return unit

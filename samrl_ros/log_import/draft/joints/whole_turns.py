@@ -127,8 +127,9 @@ def move_into_limits(
     if not moved:
         return position
     draft.note(
-        "channels.states.position", f"{', '.join(moved)}: whole turns less lie within the URDF's limits"
-    )
+        "channels.states.position", f"{', '.join(moved)}: whole turns less lie within the URDF's limits",
+        if_other="turns of the unit that is asked",
+    )  # fmt: skip
     return replace(position, block=replace(position.block, values=values))
 
 

@@ -14,6 +14,7 @@ from samrl_ros.bags.reader import open_bag
 from samrl_ros.log_import.devices import data_folder, refuse_questions
 from samrl_ros.log_import.draft.guess import Effort
 from samrl_ros.log_import.draft.joints.joint_draft import draft_mapping
+from samrl_ros.log_import.draft.joints.motor_input import TORQUE_CONSTANT
 from samrl_ros.log_import.draft.writing import as_yaml
 from samrl_ros.log_import.formats.parquet import is_lerobot
 from samrl_ros.log_import.formats.rosbag import is_bag, is_mcap
@@ -69,6 +70,8 @@ def read_runs(
         InputError: something about the log is not sure, or as `draft_mapping` and `import_recording`.
     """
     draft = draft_mapping([path], urdf, urdf, effort)
+    if any(guess.asks == TORQUE_CONSTANT for guess in draft.guesses):  # in one step they are left out, aloud
+        draft = draft_mapping([path], urdf, urdf, Effort.none)
     if any("{name}" in source["file"] for source in draft.sources.values()):
         names = ", ".join(recording["name"] for recording in draft.recordings)
         raise InputError(

@@ -16,7 +16,7 @@ from tests.recordings.logs.eight_labs import LABS, make_lab
 
 ASKED: dict[str, tuple[str, tuple[str, ...]]] = {  # kind, and a part of each question
     "ur_rtde": ("joints", ()),
-    "dynamixel": ("joints", ("is the unit counts/4096?",)),
+    "dynamixel": ("joints", ("is the unit counts/4096?", "torque constant")),
     "dc_motor": ("joints", ("how many counts make a turn", "resistance [ohm]")),
     "pendulum": ("joints", ()),
     "optitrack": ("bodies", ()),

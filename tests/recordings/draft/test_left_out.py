@@ -1,4 +1,4 @@
-"""A motor's current that nobody asked about is left out aloud: it would have told friction and loads."""
+"""A motor's current is asked about; in one step it is left out, aloud."""
 
 from __future__ import annotations
 
@@ -30,7 +30,8 @@ def scope(path: Path) -> Path:
 
 def test_a_current_is_left_out_aloud(tmp_path: Path) -> None:
     log = scope(tmp_path / "scope_1.csv")
-    draft = draft_any([log], AXIS, None)
+    assert "torque constant" in draft_any([log], AXIS, None).questions[0]
+    draft = draft_any([log], AXIS, None, Effort.none)
     (told,) = draft.would_tell
     assert told.startswith("scope_1.csv: ActCurrent [A]: multiply by torque constant and gear ratio")
     assert not draft.questions

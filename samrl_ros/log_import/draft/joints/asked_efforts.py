@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from samrl_ros.log_import.draft import evidence
 from samrl_ros.log_import.draft.column_names import QUANTITIES, words_in
+from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.joints.arm_messages import CURRENTS_OF_UR
-from samrl_ros.log_import.draft.joints.named_sources import NamedBlock, name_of
+from samrl_ros.log_import.draft.joints.named_sources import NamedBlock, name_of, shares_rows
 
 _TORQUES = frozenset(QUANTITIES["effort"].split())
 _LIES_ON = 0.2  # of a joint's motion, within which a set point stays from its position
@@ -27,7 +29,27 @@ def say_how_used(current: NamedBlock) -> str:
             f"{name_of(current)}: if this is a torque worked out of the current, in N m at the joints, it is"
             " the drive's: use it as commanded_effort as it is"
         )
+    if current.meaning.quantity == "voltage":
+        return (
+            f"{name_of(current)}: a motor's volts or duty tell its effort by torque constant, resistance and"
+            " gear ratio (unit V of a controller that states them); a supply's tell none"
+        )
     return f"{name_of(current)}: multiply by torque constant and gear ratio, then use it as effort"
+
+
+def without_held(measured: list[NamedBlock], position: NamedBlock, draft: Draft) -> list[NamedBlock]:
+    """Without torques of a slower topic that stand in each row of a faster one: late, and in steps."""
+    held = {
+        name_of(each): rows
+        for each in measured
+        if shares_rows(each, position)
+        and (rows := evidence.rows_held(each.block.values, position.block.values)) > 1
+    }
+    draft.unused += [
+        f"{name}: each value is held for {rows} rows: import it from the file or topic that it comes from"
+        for name, rows in held.items()
+    ]
+    return [each for each in measured if name_of(each) not in held]
 
 
 def asked_of_effort(effort: NamedBlock, position: NamedBlock, may_be_currents: bool) -> str:

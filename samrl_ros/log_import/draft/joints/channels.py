@@ -18,9 +18,16 @@ from samrl_ros.log_import.draft.joints.arm_messages import (
     is_unitree,
     universal_robots,
 )
-from samrl_ros.log_import.draft.joints.asked_efforts import asked_of_effort, say_how_used
-from samrl_ros.log_import.draft.joints.commanded import rate_of_command, unit_of_command
-from samrl_ros.log_import.draft.joints.motor_input import add_motor_input, has_both_signs, inputs_of_some
+from samrl_ros.log_import.draft.joints.asked_efforts import asked_of_effort, say_how_used, without_held
+from samrl_ros.log_import.draft.joints.commanded import rate_of_command, says_unit, unit_of_command
+from samrl_ros.log_import.draft.joints.motor_input import (
+    add_motor_current,
+    add_motor_input,
+    currents_of_motors,
+    inputs_of_some,
+    rank_input,
+    say_supply,
+)
 from samrl_ros.log_import.draft.joints.named_sources import (
     NamedBlock,
     add_source,
@@ -35,6 +42,7 @@ from samrl_ros.log_import.draft.joints.unnamed_matrix import is_group
 # Arms with torque sensors behind the gears, by how their makers' packages name the joints.
 _LINK_SENSORS = ("panda_joint", "fr3_joint", "fer_joint", "iiwa_joint", "lbr_", "lbr_iiwa", "rizon", "gen3_")
 _OF_DRIVES = frozenset("motor motors drive drives actuator actuators".split())
+_SAME = "in the position's unit, whatever that is"
 _JOINT_STATE = "sensor_msgs/msg/JointState"
 _RTDE_MODEL = "target_moment_{}"
 _FOLLOWS = 0.8  # correlation from which a block is taken as what the arm followed
@@ -119,9 +127,13 @@ def add_velocity(
                 key,
                 f"derivative of the position: {name_of(each)} is not its rate (correlation"
                 f" {fit.correlation:.2f}, ratio {fit.ratio:.3g})",
+                if_other=evidence.in_other_units(unit, fit),
             )
             continue
-        draft.note(key, f"{name_of(each)}: integrates to the position (ratio {fit.ratio:.3g}), so {fitting}")
+        draft.note(
+            key, f"{name_of(each)}: integrates to the position (ratio {fit.ratio:.3g}), so {fitting}",
+            if_other=evidence.in_other_units(unit, fit) or _SAME,
+        )  # fmt: skip
         states["velocity"] = quantity_of(each, order, fitting, draft, "states")
         return [each]
     if not recorded:
@@ -163,8 +175,9 @@ def add_command(
         "" if near >= _FOLLOWS else f"the arm hardly follows {name_of(best)}: is it the commanded position?"
     )
     draft.note(
-        key, f"{name_of(best)}: the name says commanded; correlation with the position {near:.2f}", question
-    )
+        key, f"{name_of(best)}: the name says commanded; correlation with the position {near:.2f}", question,
+        if_other="" if says_unit(best) else _SAME,
+    )  # fmt: skip
     unit = unit_of_command(best, position, order, unit, draft)
     channel = {"source": source, "position": quantity_of(best, order, unit, draft, source)}
     draft.channels["command"] = channel
@@ -177,11 +190,13 @@ def add_command(
             channel[quantity] = quantity_of(more[0], order, suffix, draft, source)
             used.append(more[0])
         elif quantity == "velocity" and (told := rate_of_command(more, best, order, unit, other)):
-            rate, rate_unit, ratio = told
+            rate, rate_unit, fit = told
             draft.note(
                 "channels.command.velocity",
-                f"{name_of(rate)}: integrates to the commanded position (ratio {ratio:.3g}), so {rate_unit}",
-            )
+                f"{name_of(rate)}: integrates to the commanded position (ratio {fit.ratio:.3g}),"
+                f" so {rate_unit}",
+                if_other="" if says_unit(best) else evidence.in_other_units(unit, fit, "that") or _SAME,
+            )  # fmt: skip
             channel[quantity] = quantity_of(rate, order, rate_unit, draft, source)
             used.append(rate)
     return used
@@ -214,6 +229,7 @@ def _add_follower(
                 "channels.command.position",
                 f"{name_of(each)}: moves with the position (correlation {near:.4f})",
                 f"is {name_of(each)} the commanded position?",
+                if_other=_SAME,
             )
             labels = list(each.block.labels) if each.block.labels != position.block.labels else order
             quantity = quantity_of(each, labels, unit, draft, "states")
@@ -247,16 +263,16 @@ def add_effort(
         return []
     currents = [c for c in found if c.meaning.quantity in ("current", "voltage", "pressure")]
     measured = beside(found, position, order, "effort") or _elsewhere(found, position, order)
-    measured = _without_held(measured, position, draft)
+    measured = without_held(measured, position, draft)
     if not measured and effort is not Effort.none:
         inputs = [c for q in ("voltage", "current") for c in beside(found, position, order, q)]
         electric = [c for c in currents if c.meaning.quantity != "pressure"]
         inputs += [c for c in electric if c.meaning.commanded and set(order) <= set(c.block.labels)]
-        inputs.sort(key=has_both_signs, reverse=True)
+        inputs.sort(key=rank_input, reverse=True)
+        inputs = inputs or inputs_of_some(electric, position, order)
         if inputs and "command" not in draft.channels:
+            say_supply(electric, inputs[0], draft)
             return add_motor_input(inputs[0], position, order, draft)
-        if (some := inputs_of_some(electric, position, order)) and "command" not in draft.channels:
-            return add_motor_input(some[0], position, order, draft)
     how_used = [say_how_used(each) for each in currents]
     draft.unused += how_used
     behind = measured and _measure_behind_gears(measured[0], draft)
@@ -266,10 +282,19 @@ def add_effort(
             draft.unused += [f"{name_of(each)}: beside the commanded torque" for each in measured]
             return [commanded, *measured[:1], *currents]
     elif not measured or effort is Effort.none:
+        if (
+            not measured
+            and effort is not Effort.none
+            and (motors := currents_of_motors(currents, position, order))
+        ):
+            draft.unused.remove(say_how_used(motors[0]))
+            return add_motor_current(motors[0], position, order, draft)
         if not measured:
+            left = ", ".join(map(name_of, currents))
             undriven = "command" not in draft.channels and effort is Effort.ask
             question = "what drives the joints, neither command nor effort? If nothing, say --effort passive"
-            draft.note("channels.states.effort", "no efforts were found", question if undriven else "")
+            reason = f"no efforts are used, {left} is left out" if left else "no efforts were found"
+            draft.note("channels.states.effort", reason, question if undriven else "")
             draft.would_tell += how_used
         return currents
     best = measured[0]
@@ -304,21 +329,6 @@ def add_effort(
     )
     draft.channels["commanded_effort"] = {"source": source, "effort": quantity}
     return [best, *currents]
-
-
-def _without_held(measured: list[NamedBlock], position: NamedBlock, draft: Draft) -> list[NamedBlock]:
-    """Without torques of a slower topic that stand in each row of a faster one: late, and in steps."""
-    held = {
-        name_of(each): rows
-        for each in measured
-        if shares_rows(each, position)
-        and (rows := evidence.rows_held(each.block.values, position.block.values)) > 1
-    }
-    draft.unused += [
-        f"{name}: each value is held for {rows} rows: import it from the file or topic that it comes from"
-        for name, rows in held.items()
-    ]
-    return [each for each in measured if name_of(each) not in held]
 
 
 def _torque_unit(best: NamedBlock) -> tuple[str, bool]:

@@ -21,6 +21,7 @@ from samrl_ros.log_import.draft.joints.arm_messages import (
     universal_robots,
 )
 from samrl_ros.log_import.draft.joints.channels import add_command, add_effort, add_velocity
+from samrl_ros.log_import.draft.joints.motor_input import split_supply
 from samrl_ros.log_import.draft.joints.named_blocks import (
     as_input_and_output,
     asked_of_still,
@@ -116,7 +117,7 @@ def draft_mapping(
     ]
     found = name_joints(found, draft)
     found = as_input_and_output(without_relative(without_tool(found, draft), draft))
-    found = split_matrix(found, joints, draft)
+    found = split_supply(split_matrix(found, joints, draft))
     position = _measured_position(found, joints, draft)
     order = _joints(position, joints, urdf, draft)
     found = [label_by_name(each, order) for each in found]
@@ -158,6 +159,7 @@ def draft_mapping(
             (e for e in used[1:] if e.meaning.quantity == "velocity" and not e.meaning.commanded), None
         )
         set_sliding_units(draft, urdf, position, order, unit, velocity, time)
+    draft.ask_with_position()
     for each in found:
         name, is_used = name_of(each), any(each.block is one.block for one in used)
         if not is_used and not any(line.startswith(f"{name}: ") for line in draft.unused):

@@ -1,17 +1,25 @@
-"""Volts or amperes of motors without a loop, of which some joints may have none."""
+"""Volts or amperes of motors, of which some joints may have none: their constants are asked for."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
+from samrl_ros.log_import.draft.column_names import words_in
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.joints.named_sources import (
     NamedBlock,
     add_source,
     name_of,
+    of_other_length,
     quantity_of,
     shares_rows,
 )
+
+_RTDE_CURRENT = "actual_current_{}"  # Universal Robots state no torque constants
+TORQUE_CONSTANT = "torque_constant"  # what is asked of a current beside a command
+_SUPPLY = frozenset("in input supply battery batt bus".split())
+_DUTY = frozenset("duty pwm".split())
 
 
 def inputs_of_some(
@@ -32,6 +40,86 @@ def inputs_of_some(
 def has_both_signs(electric: NamedBlock) -> bool:
     """Whether a motor may be driven by it: what has one sign alone is a supply's (`input_voltage`)."""
     return bool(electric.block.values.min() < 0.0 < electric.block.values.max())
+
+
+def is_supplys(electric: NamedBlock) -> bool:
+    """Whether a name says what a supply gives, such as a VESC's `current_in` and `input_voltage`."""
+    return bool(_SUPPLY & set(words_in(electric.block.stem)))
+
+
+def rank_input(electric: NamedBlock) -> tuple[bool, bool, bool, bool]:
+    """How likely it is that a column drives a motor; a duty cycle less than volts or amperes."""
+    words = set(words_in(electric.block.stem))
+    return not is_supplys(electric), has_both_signs(electric), "d" not in words, not _DUTY & words
+
+
+def split_supply(found: Sequence[NamedBlock]) -> list[NamedBlock]:
+    """With a motor's current and its supply's apart, `current_motor` and `current_in`: they are no joints."""
+    out: list[NamedBlock] = []
+    for each in found:
+        block = each.block
+        electric = each.meaning.quantity in ("current", "voltage")
+        if not electric or not _SUPPLY & set(block.labels) or len(block.columns) != len(block.labels):
+            out.append(each)
+            continue
+        for k, column in enumerate(block.columns):
+            alone = replace(block, stem=column, labels=("",), columns=(column,), values=block.values[:, [k]])
+            out.append(replace(each, block=alone))
+    return out
+
+
+def currents_of_motors(
+    electric: Sequence[NamedBlock], position: NamedBlock, order: list[str]
+) -> list[NamedBlock]:
+    """Measured currents that torque constants make efforts, those beside the position first."""
+    there = [
+        each
+        for each in electric
+        if each.meaning.quantity == "current"
+        and not each.meaning.computed
+        and not each.meaning.commanded
+        and not is_supplys(each)
+        and each.block.stem != _RTDE_CURRENT
+        and not of_other_length(each, position)
+        and (set(order) <= set(each.block.labels) or bool(inputs_of_some([each], position, order)))
+    ]
+    return sorted(there, key=lambda each: (shares_rows(each, position), rank_input(each)), reverse=True)
+
+
+def add_motor_current(
+    best: NamedBlock, position: NamedBlock, order: list[str], draft: Draft
+) -> list[NamedBlock]:
+    """A motor's current beside a command as its effort, once the torque constant is stated."""
+    same = shares_rows(best, position)
+    source = "states" if same else "commanded_effort"
+    if not same:
+        add_source(best.part, source, draft)
+    driven = _driven(best, order)
+    quantity = quantity_of(best, [label for label, _ in driven], "N m", draft, source)
+    factor = "0.001 * " if best.meaning.unit == "mA" else ""
+    formulas = {
+        place: f"1.0 * {factor}{formula}"
+        for (_, place), formula in zip(driven, quantity["formula"], strict=True)
+    }
+    quantity["formula"] = [formulas.get(place, 0) for place in range(len(order))]
+    draft.channels["commanded_effort"] = {"source": source, "effort": quantity}
+    unsigned = "" if has_both_signs(best) else " It has one sign alone: a magnitude is no effort"
+    draft.note(
+        "channels.commanded_effort.effort",
+        f"no efforts were found, but {name_of(best)}: a motor's current",
+        "what is each motor's torque constant times gear ratio [N m/A, of what slides N/A]? The factors 1.0"
+        f" are placeholders; --effort none leaves the current out.{unsigned}",
+        TORQUE_CONSTANT,
+    )
+    return [best]
+
+
+def say_supply(inputs: Sequence[NamedBlock], used: NamedBlock, draft: Draft) -> None:
+    """What is not used beside a motor's input: another of its signals, or its supply's."""
+    for each in inputs:
+        if each.block is not used.block:
+            why = "of the supply, not of the motor" if is_supplys(each) else f"beside {name_of(used)}"
+            draft.unused.append(f"{name_of(each)}: {why}")
 
 
 def add_motor_input(

@@ -69,10 +69,18 @@ class CsvOptions(Checked):
     # First line names the columns; else they are called 0, 1, ..., or as listed here, and every line is data.
     header: bool | Annotated[list[str], Field(min_length=1)] = True
     skip_lines: NonNegativeInt = 0  # before the header
+    header_lines: Annotated[int, Field(ge=1)] = 1  # lines of names: of groups, and of what is in them
+    pairs: Literal["", ":", "="] = ""  # mark between a name and its number, where each line repeats the names
     comment: str = ""  # lines that start with it are left out
     decimal: Annotated[str, Field(min_length=1, max_length=1)] = "."
     rows_per_sample: Annotated[int, Field(ge=1)] = 1  # lines of a matrix that are one; its numbers are `data`
     label: str = ""  # column whose text says what a row is of; `part` names the rows that are read
+
+    @model_validator(mode="after")
+    def _one_header(self) -> CsvOptions:
+        if self.header_lines > 1 and (self.header is not True or self.pairs):
+            raise fault(" has header_lines, whose names are the columns'; leave header and pairs out")
+        return self
 
 
 class ImageOptions(Checked):

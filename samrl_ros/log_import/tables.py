@@ -16,6 +16,7 @@ from samrl_ros.log_import.formats.arrays import read_mat_table, read_numpy_table
 from samrl_ros.log_import.formats.echoed_topic import is_echo
 from samrl_ros.log_import.formats.hdf5 import read_hdf5_table
 from samrl_ros.log_import.formats.json_log import read_json_table
+from samrl_ros.log_import.formats.name_value import find_pairs
 from samrl_ros.log_import.formats.parquet import (
     is_lerobot,
     read_feather_table,
@@ -104,6 +105,8 @@ def is_text_table(path: Path) -> bool:
     if b"\0" in head:
         return False
     lines = [line for line in head.decode("latin-1").splitlines()[:-1] if line.strip()]
+    if find_pairs(lines) is not None:
+        return True
     rows = [line for line in lines if len(_NUMBERS.findall(line)) > 1 and not _WORDS.search(line)]
     return len(rows) > 2 and 2 * len(rows) > len(lines)
 

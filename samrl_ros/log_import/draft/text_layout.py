@@ -17,6 +17,8 @@ from typing import Any
 from samrl_core.common.errors import InputError
 from samrl_ros.log_import.draft.echoed_messages import echoed_names
 from samrl_ros.log_import.formats.encoding import decoded_text
+from samrl_ros.log_import.formats.header_lines import count_name_lines
+from samrl_ros.log_import.formats.name_value import find_pairs
 from samrl_ros.log_import.formats.text import is_known_export
 from samrl_ros.log_import.specs import CsvOptions
 from samrl_ros.log_import.table import NUMBER, SPACED
@@ -70,6 +72,9 @@ def _options(lines: Sequence[str], tab: bool) -> CsvOptions | None:
     filled = [line.strip() for line in lines if line.strip()]
     if len(filled) >= _FEW and all(map(_NUMBER.fullmatch, filled)):
         return CsvOptions(header=False)  # one column, without a name
+    if (pairs := find_pairs(lines)) is not None:
+        plain = "," if tab and pairs.delimiter == "\t" else pairs.delimiter
+        return CsvOptions(delimiter=plain, decimal=pairs.decimal, pairs=pairs.mark, skip_lines=pairs.first)
     if (named := _named_in_rows(lines)) is not None:
         return named
     best: tuple[tuple[bool, int, int], str, str] | None = None
@@ -90,6 +95,11 @@ def _options(lines: Sequence[str], tab: bool) -> CsvOptions | None:
     comment = next((c for c in _COMMENTS if lines[0].startswith(c)), "")
     begin = next(k for k, line in enumerate(lines) if _is_data(line, delimiter, decimal, width))
     above = [k for k in range(begin) if lines[k].strip()]
+    if (count := _lines_of_names(lines[:begin], delimiter, width)) and not _names_of_pairs(
+        [lines[k] for k in above[-2:]], delimiter, width
+    ):
+        written = "," if tab and delimiter == "\t" else delimiter
+        return CsvOptions(delimiter=written, decimal=decimal, header_lines=count, skip_lines=begin - count)
     names: list[str] = []
     for k in reversed(above):
         cells = _split(lines[k].lstrip("#%/ "), delimiter)
@@ -130,6 +140,13 @@ def _options(lines: Sequence[str], tab: bool) -> CsvOptions | None:
         plain_names = not lines[header_at].lstrip().startswith(_COMMENTS)
         return CsvOptions(**how, header=names, skip_lines=begin if plain_names or not comment else 0)
     return CsvOptions(**how, skip_lines=header_at)
+
+
+def _lines_of_names(above: Sequence[str], delimiter: str, width: int) -> int:
+    """How many lines of names stand right above a table, of groups and of what is in them; else 0."""
+    if delimiter == " " or any(line.lstrip().startswith(_COMMENTS) for line in above):
+        return 0
+    return count_name_lines([_cells(line, delimiter) for line in above], width)
 
 
 def _named_in_rows(lines: Sequence[str]) -> CsvOptions | None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 import io
+import re
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,8 +16,10 @@ import pandas as pd
 from samrl_core.common.errors import InputError
 from samrl_ros.log_import.formats.colmap import is_colmap, read_colmap
 from samrl_ros.log_import.formats.encoding import decoded_text
+from samrl_ros.log_import.formats.header_lines import holds_row, join_names
 from samrl_ros.log_import.formats.measurement_exports import is_measurement_export, read_measurement_export
 from samrl_ros.log_import.formats.motion_capture import read_motion_capture
+from samrl_ros.log_import.formats.name_value import part_names
 from samrl_ros.log_import.specs import CsvOptions
 from samrl_ros.log_import.table import Table
 
@@ -43,26 +47,40 @@ def read_text_table(path: Path, part: str, options: CsvOptions, where: str) -> T
     lines = list(io.StringIO(decoded_text(path), newline=""))
     if options == CsvOptions() and (known := _read_known_export(path, lines)) is not None:
         return known
-    text = "".join(
-        line
-        for number, line in enumerate(lines)
-        if number >= options.skip_lines and not (options.comment and line.startswith(options.comment))
-    )
+    rows = [
+        (number, line)
+        for number, line in enumerate(lines, 1)
+        if number > options.skip_lines and not (options.comment and line.startswith(options.comment))
+    ]
+    written: list[str] | None = None
+    notes: list[str] = []
+    if options.pairs:
+        written, values, notes = part_names(
+            rows, options.pairs, "\t" if tab else options.delimiter, options.decimal, path, where
+        )
+        text, how["sep"] = _written_out(values), "\t"
+    else:
+        if options.header_lines > 1:
+            written, rows = _below_names(rows, options.header_lines, how["sep"], path, where)
+        text = "".join(line for _, line in rows)
     first = pd.read_csv(io.StringIO(text), header=None, nrows=1, dtype=str, keep_default_na=False, **how)
     listed = isinstance(options.header, list)
     head = options.header if isinstance(options.header, list) else first.columns
-    names = [str(name).strip() for name in (first.iloc[0] if options.header is True else head)]
+    if options.header is True:
+        head = first.iloc[0] if written is None else written
+    names = [str(name).strip() for name in head]
     if double := sorted({name for name in names if names.count(name) > 1}):
         raise InputError(
             f"{where}: {path.name} names columns {double} twice; set header: false and use numbers"
         )
-    if listed and len(names) != first.shape[1]:
-        raise InputError(f"{where}: csv.header lists {len(names)} columns, {path.name} has {first.shape[1]}")
+    if (listed or written is not None) and len(names) != first.shape[1]:
+        said = "csv.header lists" if listed else f"csv.header_lines {options.header_lines} name"
+        raise InputError(f"{where}: {said} {len(names)} columns, {path.name} has {first.shape[1]}")
     with warnings.catch_warnings():
         warnings.simplefilter("error", pd.errors.ParserWarning)  # else cells beyond the header are dropped
         frame = pd.read_csv(
             io.StringIO(text),
-            header=0 if options.header is True else None,
+            header=0 if options.header is True and written is None else None,
             names=names,
             index_col=False,
             decimal=options.decimal,
@@ -81,7 +99,40 @@ def read_text_table(path: Path, part: str, options: CsvOptions, where: str) -> T
         columns = {"data": _folded(list(columns.values()), options.rows_per_sample, where)}
     if part or options.label:
         columns = rows_of(columns, part, options.label, f"{where}: {path.name}")
-    return Table(path, columns, options.decimal)
+    return Table(path, columns, options.decimal, notes=notes)
+
+
+def _written_out(rows: Sequence[Sequence[str]]) -> str:
+    """Cells as text that tabs part."""
+    text = io.StringIO()
+    csv.writer(text, delimiter="\t", lineterminator="\n").writerows(rows)
+    return text.getvalue()
+
+
+def _below_names(
+    rows: Sequence[tuple[int, str]], count: int, sep: str, path: Path, where: str
+) -> tuple[list[str], list[tuple[int, str]]]:
+    """Names that several lines give together, and the lines below them.
+
+    Raises:
+        InputError: a row of numbers among them, or lines of different length.
+    """
+    filled = [(number, line) for number, line in rows if line.strip()]
+    parted = re.compile(sep) if len(sep) > 1 else None
+    head = [
+        parted.split(line.strip())
+        if parted
+        else next(csv.reader([line], delimiter=sep, skipinitialspace=True))
+        for _, line in filled[:count]
+    ]
+    for (number, _), cells in zip(filled, head, strict=False):
+        if holds_row(cells) or len(cells) != len(head[0]):
+            raise InputError(
+                f"{where}: line {number} of {path.name} is {','.join(cells)[:80]!r}, must be one of"
+                f" {count} lines of {len(head[0])} names each, as csv.header_lines says; correct it, or that"
+                " number"
+            )
+    return join_names(head) if head else [], filled[count:]
 
 
 def is_known_export(path: Path, lines: Sequence[str]) -> bool:

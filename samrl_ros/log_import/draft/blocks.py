@@ -14,6 +14,7 @@ from samrl_ros.log_import.draft.column_names import is_time, split_names
 from samrl_ros.log_import.draft.evidence import runs_on, time_unit
 from samrl_ros.log_import.draft.joints.arm_messages import ARM_MESSAGES, labels_of_array
 from samrl_ros.log_import.draft.joints.runs_beside import first_of, recordings_beside
+from samrl_ros.log_import.draft.letter_names import torques_by_letter
 from samrl_ros.log_import.draft.text_layout import text_options
 from samrl_ros.log_import.formats.hdf5 import SUFFIXES as HDF5
 from samrl_ros.log_import.formats.hdf5 import demonstrations
@@ -173,7 +174,9 @@ def _part(path: Path, part: str, kind: str, joints: Sequence[str]) -> LogPart:
     arrays = {name: values for name in table.columns if (values := numbers_of(table, name)) is not None}
     long = {name: values for name, values in arrays.items() if len(values) >= LEAST_ROWS}
     flat = [name for name, values in long.items() if values.ndim == 1 and not _counts(name, values)]
-    named = (name for name in flat if is_time(name) and name not in _STAMPS)
+    named = [name for name in flat if is_time(name) and name not in _STAMPS]
+    torques = torques_by_letter(named, long)
+    named = [name for name in named if name not in torques]
     times = tuple(sorted(named, key=lambda name: -runs_on(long[name])))
     dates = tuple(name for name in table.columns if name not in arrays and is_time(name))
     blocks = []

@@ -21,6 +21,7 @@ from samrl_ros.log_import.draft.joints.arm_messages import (
     universal_robots,
 )
 from samrl_ros.log_import.draft.joints.channels import add_command, add_effort, add_velocity
+from samrl_ros.log_import.draft.joints.letters import read_letters
 from samrl_ros.log_import.draft.joints.motor_input import split_supply
 from samrl_ros.log_import.draft.joints.named_blocks import (
     as_input_and_output,
@@ -115,7 +116,7 @@ def draft_mapping(
     found = [
         NamedBlock(part, block, _meaning(part, block, several)) for part in parts for block in part.blocks
     ]
-    found = name_joints(found, draft)
+    found = read_letters(name_joints(found, draft), draft)
     found = as_input_and_output(without_relative(without_tool(found, draft), draft))
     found = split_supply(split_matrix(found, joints, draft))
     position = _measured_position(found, joints, draft)

@@ -54,6 +54,19 @@ def _echoes() -> list[bytes]:
     return out
 
 
+def _named_cells() -> list[bytes]:
+    """A joint in lines of `name:value`, and two below two lines of names."""
+    pairs = lines = ""
+    for k in range(60):
+        t = k / 50.0
+        pairs += (
+            f"t_ms:{20 * k},theta_deg:{np.sin(t):.3f},theta_dps:{np.cos(t):.3f},volt:{np.cos(2 * t):.2f}\n"
+        )
+        lines += f"{t:.3f},{np.sin(t):.4f},{np.cos(t):.4f},{np.sin(2 * t):.4f},{2 * np.cos(2 * t):.4f}\n"
+    head = ",hip,hip,knee,knee\n,position,velocity,position,velocity\ntime,,,,\n"
+    return [pairs.encode(), (head + lines).encode()]
+
+
 TRACKS_OF_BODIES = (
     Reader(
         "draft of a motion capture", "a.csv",
@@ -66,5 +79,6 @@ TRACKS_OF_BODIES = (
     Reader("draft of a text", "a.txt", _sound(body_logs.tum), _draft, share=0.1),
     Reader("draft of poses", "a.csv", _pair, _draft, share=0.05),
     Reader("draft of an echo", "a.txt", _echoes, _draft, share=0.1),
+    Reader("draft of named cells", "a.txt", _named_cells, _draft, share=0.1),
     Reader("draft of clocks", "a.csv", _clocks, _draft, share=0.1),
 )  # fmt: skip

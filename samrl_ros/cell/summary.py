@@ -206,7 +206,7 @@ def _evaluate(truth: dict[str, dict[str, Any]], states: list[Any], task: Task) -
     contact_ns = end["first_contact_ns"]
     before = [s for s in states if contact_ns < 0 or stamp_ns(s) < contact_ns]
     error = float("nan")
-    if before:
+    if before and task.stands_still:
         poses = task.body_poses(np.array(before[-1].values))
         start = truth["start"]["body_position"]
         error = max(

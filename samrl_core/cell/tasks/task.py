@@ -240,6 +240,11 @@ class Task(ABC):
         """What will slide in an episode; only as made."""
         return ()
 
+    @property
+    def stands_still(self) -> bool:
+        """Whether the tool alone moves the target: only then has an estimate one error before contact."""
+        return True
+
     @abstractmethod
     def succeeded(self, ending: Ending) -> bool:
         """From ground truth. Evaluation alone calls it."""

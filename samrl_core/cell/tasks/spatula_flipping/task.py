@@ -334,6 +334,11 @@ class SpatulaFlipping(Task):
         return (slide_when_shaken(PANCAKE, self.slide, rng),) if self.slide else ()
 
     @property
+    def stands_still(self) -> bool:
+        """See `Task`: not where what it lies on is shaken."""
+        return not self.shaken
+
+    @property
     def start_range(self) -> tuple[np.ndarray, np.ndarray]:
         """See `Task`: where it lies varies, that it lies flat does not."""
         nominal = np.array([p.nominal for p in self.parameters()])

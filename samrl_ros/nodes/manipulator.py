@@ -8,7 +8,13 @@ from typing import Any
 import numpy as np
 from samrl_msgs.msg import MotionStatus, ToolAction
 
-from samrl_core.cell.control.cartesian import ACTION_S, LEASH, LONGEST_DISPLACEMENT, straight_line
+from samrl_core.cell.control.cartesian import (
+    ACTION_S,
+    HORIZON_S,
+    LEASH,
+    LONGEST_DISPLACEMENT,
+    straight_line,
+)
 from samrl_core.cell.control.guard import CommandGuard
 from samrl_core.cell.control.tip_sense import TipSense
 from samrl_core.cell.control.touch_stop import TOUCH_DOWN, TouchStop, TouchStopSettings
@@ -44,7 +50,9 @@ class ManipulatorSettings:
     max_jerk_scaling: float = setting(0.2, "fraction of the jerk limits", range=(0.01, 1.0))
     stopped_velocity_tolerance: float = setting(0.01, "at rest below this", "rad/s", (1e-4, 0.1))
     goal_timeout: float = setting(1.5, "longest wait for rest after the set point arrived", "s", (0.05, 60.0))
-    horizon: float = setting(0.04, "how far ahead of a reading its command is stamped", "s", (0.004, 0.1))
+    horizon: float = setting(
+        HORIZON_S, "how far ahead of a reading its command is stamped", "s", (0.004, 0.1)
+    )
     leash: float = setting(LEASH, "commanded tool position may lead the measured one by", "m", (1e-3, 0.1))
     waypoint_spacing: float = setting(0.005, "of the straight line of an action", "m", (5e-4, 0.05))
     action_duration: float = setting(

@@ -13,6 +13,7 @@ from samrl_core.common.errors import InputError, LimitError
 InverseKinematics = Callable[[Pose, np.ndarray], np.ndarray]  # flange in base, seed (J,) -> (J,) [rad]
 LONGEST_DISPLACEMENT = 0.02  # default limit of the tool's displacement in one action [m]
 LEASH = 0.02  # the commanded tip stays this near to the measured one: no wind-up in contact [m]
+HORIZON_S = 0.04  # commands are stamped so far ahead of the readings that they answer [s]
 ACTION_S = 0.1  # the tip moves, with minimal jerk where a model or a script says how [s]
 MAX_JOINT_STEP = 0.2  # between waypoints [rad]: more means that the solution has jumped to another branch
 

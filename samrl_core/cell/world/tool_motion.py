@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from samrl_core.cell.control.cartesian import LEASH
+from samrl_core.cell.control.cartesian import HORIZON_S, LEASH
 from samrl_core.cell.control.tip_sense import TipSense
 from samrl_core.cell.control.touch_stop import TouchStop, TouchStopSettings
 from samrl_core.cell.robots.arm_model import ArmModel, Payload
@@ -16,7 +16,6 @@ from samrl_core.cell.types.observation import ArmCommand
 from samrl_core.cell.types.pose import Pose
 from samrl_core.cell.world.world import SimulatedWorld
 
-LATE_S = 0.04  # commands are stamped so far ahead in the cell: a motion ends so long after a touch [s]
 RAMP_S = 0.05  # a guarded motion's speed rises and falls in this time [s]
 
 
@@ -54,7 +53,7 @@ def move_until_touch(
         if braking and rate <= 0.0:
             return place
         if stop_ns < 0 and touch.feels(world.read_arm("tool_arm")):
-            stop_ns = world.time_ns + round(LATE_S * 1e9)
+            stop_ns = world.time_ns + round(HORIZON_S * 1e9)  # what was commanded by then is done
 
 
 class ToolMotion:

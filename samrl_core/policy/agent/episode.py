@@ -24,7 +24,19 @@ def unwatched(part: Part) -> AbstractContextManager[None]:
     return nullcontext()
 
 
-class Plant(Protocol):
+class ToolMover(Protocol):
+    """What moves a tool."""
+
+    def displace_tool(self, displacement: np.ndarray, /) -> None:
+        """Move the tool's tip (3,) in the tool arm's base frame [m] and wait until it rests."""
+        ...
+
+    def touch_down(self, displacement: np.ndarray, /) -> None:
+        """The same for `TOUCH_DOWN`: slowly, and only until it touches, see `TouchStop`."""
+        ...
+
+
+class Plant(ToolMover, Protocol):
     """A cell as Algorithm 1 needs it: nothing but sensors and motions."""
 
     def observe(self) -> Observation:
@@ -33,14 +45,6 @@ class Plant(Protocol):
 
     def move_camera(self, camera_arm_position: np.ndarray, /) -> None:
         """Move the camera arm there (J,) [rad] and wait until it rests."""
-        ...
-
-    def displace_tool(self, displacement: np.ndarray, /) -> None:
-        """Move the tool's tip (3,) in the tool arm's base frame [m] and wait until it rests."""
-        ...
-
-    def touch_down(self, displacement: np.ndarray, /) -> None:
-        """The same for `TOUCH_DOWN`: slowly, and only until it touches, see `TouchStop`."""
         ...
 
 
@@ -61,6 +65,11 @@ class Episode:
     last: Observation
     estimate: Estimate  # after the last update
     ended: Stage  # "done": by model and joints; truth is for evaluation to ask
+
+
+def execute_action(mover: ToolMover, sub_goal: str, displacement: np.ndarray) -> None:
+    """Move the tip by (3,) [m] as an action towards a sub-goal is moved, guarded or not."""
+    (mover.touch_down if sub_goal == TOUCH_DOWN else mover.displace_tool)(displacement)
 
 
 def run_episode(
@@ -106,7 +115,6 @@ def run_episode(
         with watch("act"):
             choice = agent.act(estimate, observation)
         with watch("move"):
-            guarded = choice.sub_goal == TOUCH_DOWN
-            (plant.touch_down if guarded else plant.displace_tool)(choice.displacement)
+            execute_action(plant, choice.sub_goal, choice.displacement)
         steps.append(Step(observation, estimate, choice))
         state = state.acted()

@@ -69,7 +69,7 @@ class SurfaceTouch:
         """Another surface may lie there."""
         self._free: float | None = None  # vertical force that is read with nothing touched [N]
         self._touched: float | None = None  # height of the tip by the encoders [m]
-        self._lift = 0.0  # of the commanded tip, which is below the touched surface, up to it [m]
+        self._presses = False  # the commanded tip is below the touched surface
         self._tip = np.full(3, np.inf)  # at the last reading, by the encoders (3,) [m]
         self._seen_ns = -1  # stamp of the last reading [ns]
 
@@ -101,7 +101,7 @@ class SurfaceTouch:
         beside = reading.tip[0] < self._task.behind_x(values) + 0.5 * self._task.gap
         if beside and (-way[2] > s.stays or rise > s.push):
             self._touched = float(reading.tip[2])
-            self._lift = s.lift
+            self._presses = True
 
     def move(self, values: np.ndarray, tip: np.ndarray) -> Approach | None:
         """The next action of a tip (3,) [m] towards a touch, and that which ends pressing after it.
@@ -109,10 +109,11 @@ class SurfaceTouch:
         None where the tip is not behind the work, and where nothing was touched: then the surface is taken to
         be as drawn.
         """
-        if self._lift > 0.0:
-            up, self._lift = np.array([0.0, 0.0, self._lift]), 0.0
-            return Approach(LIFT, up)
-        s, low = self._settings, np.array([*tip[:2], min(tip[2], self._task.low)])
+        s = self._settings
+        if self._presses:
+            self._presses = False
+            return Approach(LIFT, np.array([0.0, 0.0, s.lift]))
+        low = np.array([*tip[:2], min(tip[2], self._task.low)])
         goals = self._task.sub_goals(values, low)  # by where the tip will be, before the rim or not
         if (
             self.known

@@ -200,13 +200,13 @@ class _PatientPlant:
         self._plant.move_camera(camera_arm_position)
 
     def displace_tool(self, displacement: np.ndarray) -> None:
-        try:
-            self._plant.displace_tool(displacement)
-        except ReachError:
-            self._plant.observe()
+        self._try(self._plant.displace_tool, displacement)
 
     def touch_down(self, displacement: np.ndarray) -> None:
+        self._try(self._plant.touch_down, displacement)
+
+    def _try(self, move: Callable[[np.ndarray], None], displacement: np.ndarray) -> None:
         try:
-            self._plant.touch_down(displacement)
+            move(displacement)
         except ReachError:
             self._plant.observe()

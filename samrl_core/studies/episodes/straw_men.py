@@ -18,7 +18,6 @@ from typing import Protocol
 
 import numpy as np
 
-from samrl_core.cell.control.touch_stop import TOUCH_DOWN
 from samrl_core.cell.tasks.spatula_flipping.task import SpatulaFlipping
 from samrl_core.cell.tasks.task import SubGoal, Task
 from samrl_core.cell.types.observation import Observation
@@ -26,7 +25,7 @@ from samrl_core.common.errors import InputError
 from samrl_core.model.real2sim.real2sim import initial_estimate
 from samrl_core.model.real2sim.tip_offset import TipOffset
 from samrl_core.policy.agent.agent import Agent
-from samrl_core.policy.agent.episode import Watch
+from samrl_core.policy.agent.episode import ToolMover, Watch, execute_action
 from samrl_core.policy.agent.loop import LoopSettings
 from samrl_core.policy.contact.insertion import BOTTOM
 from samrl_core.policy.contact.surface_touch import SurfaceTouch
@@ -41,7 +40,7 @@ SCRIPT_ERROR = 0.002  # [m]
 _SPARE = 6  # actions towards a sub-goal beyond those that the straight line takes
 
 
-class BlindPlant(Protocol):
+class BlindPlant(ToolMover, Protocol):
     """A cell that moves its tool and may take an image."""
 
     def observe(self) -> Observation:
@@ -50,14 +49,6 @@ class BlindPlant(Protocol):
 
     def tip(self) -> np.ndarray:
         """Tool tip (3,) by the measured joints, in the tool arm's base frame [m]."""
-        ...
-
-    def displace_tool(self, displacement: np.ndarray, /) -> None:
-        """Move the tool's tip (3,) in the tool arm's base frame [m]."""
-        ...
-
-    def touch_down(self, displacement: np.ndarray, /) -> None:
-        """The same, slowly, and only until it touches: see `TouchStop`."""
         ...
 
 
@@ -140,7 +131,7 @@ def _feel_surface(
         if down is None:
             break
         with watch("move"):
-            (plant.touch_down if down.name == TOUCH_DOWN else plant.displace_tool)(down.displacement)
+            execute_action(plant, down.name, down.displacement)
         left -= 1
     return surface.height, left
 

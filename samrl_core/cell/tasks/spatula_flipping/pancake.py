@@ -10,6 +10,7 @@ from samrl_core.cell.tasks.shapes import DiscColors, box_mesh, disc_mesh
 from samrl_core.cell.tasks.task import Slide
 from samrl_core.cell.types.pose import Pose
 from samrl_core.cell.types.scene import Body, Box, Cylinder, Rgb
+from samrl_core.common.errors import InputError
 
 RAW_COLOR: Rgb = (0.95, 0.85, 0.55)  # the face that is up at first
 BAKED_COLOR: Rgb = (0.55, 0.28, 0.10)
@@ -18,6 +19,42 @@ PAINT = DiscColors(RAW_COLOR, BAKED_COLOR, RIM_COLOR)
 LIP_COLOR: Rgb = (0.20, 0.20, 0.22)
 ASLANT = math.radians(10.0)  # a shaken pan moves within so much of world's y [rad]
 AFTER = (0.006, 0.015)  # when the edge is so far from its start, not yet at any pancake [m]
+
+
+def require_rounding(rounding: float, thickness: float) -> None:
+    """Refuse edges that a pancake of a thickness has no room for [m].
+
+    Raises:
+        InputError: the rounding is not between 0 and half the thickness.
+    """
+    if not 0 < rounding < 0.5 * thickness:
+        raise InputError(
+            f"pancake_rounding is {rounding} m, must lie between 0 and half the thickness, "
+            f"{0.5 * thickness} m"
+        )
+
+
+def require_room(half_range: tuple[float, float], radius: float, room: tuple[float, float]) -> None:
+    """Refuse a range in which a pancake would lie in the lip or beyond its ends.
+
+    Args:
+        half_range: of its centre, in x and y [m].
+        radius: of the pancake [m].
+        room: from the range's middle to the lip, and to where lip and estimates end aside [m].
+
+    Raises:
+        InputError: it would.
+    """
+    (along, across), (to_lip, end) = half_range, room
+    if (left := to_lip - along - radius) < 0:
+        raise InputError(
+            f"the farthest pancake would reach {-left} m into the lip; move lip_x or shrink the pancake"
+        )
+    if (aside := across + radius) > end:
+        raise InputError(
+            f"half_range in y is {across} m: the pancake would reach {aside} m aside, but "
+            f"lip and estimates end at {end} m; shorten it or lengthen the lip"
+        )
 
 
 def pancake_body(

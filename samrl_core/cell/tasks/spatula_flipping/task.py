@@ -22,6 +22,8 @@ from samrl_core.cell.tasks.spatula_flipping.pancake import (
     numbers_of_pose,
     pancake_body,
     pose_of_numbers,
+    require_room,
+    require_rounding,
     slide_when_shaken,
 )
 from samrl_core.cell.tasks.spatula_flipping.tool import hand_with_spatula
@@ -112,27 +114,14 @@ class SpatulaFlipping(Task):
             raise InputError(f"upright is {self.upright} rad, must rise from 0 to below {self.arc_end} rad")
         if len(self.half_range) != 2 or not all(0 < half < math.inf for half in self.half_range):
             raise InputError(f"half_range is {self.half_range} m, must be two positive lengths, in x and y")
-        if not 0 < self.pancake_rounding < 0.5 * self.pancake_thickness:
-            raise InputError(
-                f"pancake_rounding is {self.pancake_rounding} m, must lie between 0 and half the thickness, "
-                f"{0.5 * self.pancake_thickness} m"
-            )
+        require_rounding(self.pancake_rounding, self.pancake_thickness)
         if not (0 <= self.small_radius < self.pancake_radius and self.force_limit > 0 and self.size > 0):
             raise InputError(
                 f"small_radius is {self.small_radius} m, force_limit {self.force_limit} N, size {self.size}; "
                 f"must be below {self.pancake_radius} m, 0 for one size, and positive"
             )
-        room = self.lip_x - (self.center_x + self.half_range[0] + self.pancake_radius)
-        if room < 0:
-            raise InputError(
-                f"the farthest pancake would reach {-room} m into the lip; move lip_x or shrink the pancake"
-            )
-        aside, end = self.half_range[1] + self.pancake_radius, min(0.5 * self.lip_size[1], _ACROSS)
-        if aside > end:
-            raise InputError(
-                f"half_range in y is {self.half_range[1]} m: the pancake would reach {aside} m aside, but "
-                f"lip and estimates end at {end} m; shorten it or lengthen the lip"
-            )
+        room = self.lip_x - self.center_x, min(0.5 * self.lip_size[1], _ACROSS)
+        require_room(self.half_range, self.pancake_radius, room)
 
     @property
     def action_limit(self) -> float:

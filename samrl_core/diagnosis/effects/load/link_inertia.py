@@ -6,7 +6,7 @@ import numpy as np
 
 from samrl_core.diagnosis.effects.effect import Effect, Parameter, lacks_link_torque
 from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
-from samrl_core.diagnosis.effects.load.payload import INERTIAL
+from samrl_core.diagnosis.effects.load.payload import INERTIAL, point_inertia
 from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.trial import Trial
 
@@ -148,9 +148,9 @@ class ShiftedLink(AtLink):
         mass, centre = self._nominal(trial)
         out = np.zeros((10, 3))
         for k, axis in enumerate(np.eye(3)):
-            inertia = 2.0 * centre[k] * np.eye(3) - np.outer(centre, axis) - np.outer(axis, centre)
             out[1:4, k] = mass * axis
-            out[4:, k] = mass * inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
+            both = point_inertia(centre + axis) - point_inertia(centre) - point_inertia(axis)  # first order
+            out[4:, k] = mass * both
         return out
 
 

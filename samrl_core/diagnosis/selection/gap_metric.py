@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from samrl_core.cell.types.arm_description import ArmDescription
+from samrl_core.cell.types.arm_description import ArmController, ArmDescription
 from samrl_core.common.errors import InputError
 
 RESAMPLES = 400  # of a bootstrap
@@ -14,7 +14,9 @@ CORNER = 10.0  # [rad/s] ASSUMPTION: of a loop that states only one of its gains
 QUANTITIES = ("position", "velocity", "effort", "commanded_effort")
 
 
-def channel_scales(arm: ArmDescription, effort_limit: np.ndarray) -> dict[str, np.ndarray]:
+def channel_scales(
+    arm: ArmDescription, effort_limit: np.ndarray, tolerated: Mapping[str, np.ndarray] | None = None
+) -> dict[str, np.ndarray]:
     """What counts as one unit of gap per channel (J,): what a torque within tolerance can do to it.
 
     effort, commanded_effort [N m]: root sum of squares of the tolerated torque offset and Coulomb friction.
@@ -22,7 +24,8 @@ def channel_scales(arm: ArmDescription, effort_limit: np.ndarray) -> dict[str, n
     velocity [rad/s]: that deflection times the controller's corner frequency, stiffness over damping.
 
     A motor's back-EMF damps as well. Where a loop has no stiffness or no damping, its corner is taken to be
-    `CORNER`; where it has neither, the effort limit over one radian is its stiffness.
+    `CORNER`. Where a joint has neither, nothing bounds what a torque does: then `tolerated` says which errors
+    of position and velocity machines within tolerance show in as long a simulation.
 
     Raises:
         InputError: no controller, or limits and gains that are not positive and finite.
@@ -31,27 +34,34 @@ def channel_scales(arm: ArmDescription, effort_limit: np.ndarray) -> dict[str, n
         raise InputError(
             f"{arm.role} has no described controller; the gap metric needs stiffness and damping"
         )
-    stiffness = np.asarray(arm.controller.stiffness, float)
-    damping = np.asarray(arm.controller.damping, float) + arm.controller.law.of_joints(
-        "back_emf", len(arm.joints)
-    )
+    stiffness, damping = loop_gains(arm.controller)
     limit = np.asarray(effort_limit, float)
-    stiffness = np.where((stiffness == 0) & (damping > 0), damping * CORNER, stiffness)
-    stiffness = np.where(stiffness == 0, limit, stiffness)
-    damping = np.where(damping == 0, stiffness / CORNER, damping)
-    for name, values in (("stiffness", stiffness), ("damping", damping), ("effort limit", limit)):
+    checked = [("effort limit", limit)]
+    if tolerated is None:
+        stiffness = np.where((stiffness == 0) & (damping > 0), damping * CORNER, stiffness)
+        damping = np.where(damping == 0, stiffness / CORNER, damping)
+        checked += [("stiffness", stiffness), ("damping", damping)]
+    for name, values in checked:
         if not (np.isfinite(values).all() and (values > 0).all()):
             raise InputError(f"{name} of {arm.role} is {values}, must be finite and > 0 for the gap metric")
     known = arm.tolerances
     torque = limit * np.hypot(np.asarray(known.torque_offset), np.asarray(known.coulomb_friction))
     if not (torque > 0).all():
         raise InputError("torque offset and Coulomb friction tolerances are both zero; the metric needs one")
-    return {
-        "position": torque / stiffness,
-        "velocity": torque / damping,
-        "effort": torque,
-        "commanded_effort": torque,
-    }
+    errors = tolerated or {"position": torque / stiffness, "velocity": torque / damping}
+    return {**errors, "effort": torque, "commanded_effort": torque}
+
+
+def loop_gains(controller: ArmController) -> tuple[np.ndarray, np.ndarray]:
+    """Stiffness (J,) [N m/rad] and damping (J,) [N m s/rad] of a loop, a motor's back-EMF with the latter."""
+    back_emf = controller.law.of_joints("back_emf", len(controller.joints))
+    return np.asarray(controller.stiffness, float), np.asarray(controller.damping, float) + back_emf
+
+
+def runs_away(controller: ArmController) -> bool:
+    """Whether nothing holds some joint near its log: an input without a law, or a joint without gains."""
+    stiffness, damping = loop_gains(controller)
+    return controller.law.open_loop or bool(np.any((stiffness == 0) & (damping == 0)))
 
 
 def gap_metric(

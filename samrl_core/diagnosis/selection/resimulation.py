@@ -19,14 +19,22 @@ from samrl_core.diagnosis.selection.forward_windows import (
     drive_forward,
     has_no_law,
 )
-from samrl_core.diagnosis.selection.gap_metric import QUANTITIES, bootstrap_shrink, channel_scales
+from samrl_core.diagnosis.selection.gap_metric import (
+    QUANTITIES,
+    bootstrap_shrink,
+    channel_scales,
+    runs_away,
+)
 from samrl_core.diagnosis.selection.hypothesis import ONSET, Fit
+from samrl_core.diagnosis.selection.tolerated_plant import sample_plant
 from samrl_core.diagnosis.simulation.closed_loop import ClosedLoop, Rollouts
 from samrl_core.diagnosis.simulation.loop_model import LoopModel
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
 
-PIECE_S = 1.0  # of what has no loop: errors of an open loop grow without bound, whatever their cause
+PIECE_S = 1.0  # of what no loop holds: its errors grow without bound, whatever their cause
+MACHINES = 8  # within tolerance, whose errors are the unit of an open loop's gap
 BLOCK_S = 0.5  # of the bootstrap; longer than residuals stay correlated
+_TOLERATED = ("tolerated errors", "open loop")  # in a trial's cache
 UNITS = {"position": "rad", "velocity": "rad/s", "effort": "N m", "commanded_effort": "N m"}
 
 
@@ -93,12 +101,15 @@ def _in_pieces(
     trial: Trial,
     command: JointSignal,
     enabled: JointSignal | None,
-    plants: Mapping[str, PlantParameters],
+    stages: Stages,
     duration: float,
     every: int,
     off: Mapping[str, np.random.Generator],
 ) -> Rollouts:
-    """Rollouts that begin anew from the measured state every `PIECE_S`: nothing else keeps them near it."""
+    """Rollouts that begin anew from the measured state every `PIECE_S`: nothing else keeps them near it.
+
+    Each with the plants of the stage in which it begins.
+    """
     motion = trial.motion
     period = every * loop.model.step_s * loop.model.substeps
     length = max(1, round(PIECE_S / period)) * period
@@ -107,6 +118,7 @@ def _in_pieces(
         last = begin + 1.5 * length > duration
         k = int(np.searchsorted(motion.time - motion.time[0], begin - 1e-9))
         later = replace(command, time=command.time - begin)
+        plants = [of for since, of in stages if since <= begin][-1]
         part = loop.rollout(
             later, *begin_off(trial, k, plants, off), list(plants.values()),
             (duration - begin) if last else length - period, record_every=every,
@@ -184,19 +196,20 @@ def resimulate(
     start_q = np.median(motion.full_position[:5], axis=0)
     start_v = np.median(motion.full_velocity[:5], axis=0)
     switched = from_start(motion.recording.torque_enabled, motion.time[0])
-    plants, later = _first_and_later(stages, every * period, duration - 10 * every * period)
-    names = list(plants)
-    if arm.controller.law.open_loop:
-        rollouts = _in_pieces(loop, trial, shifted, switched, plants, duration, every, off or {})
+    names = list(stages[0][1])
+    free = runs_away(arm.controller)
+    if free:
+        rollouts = _in_pieces(loop, trial, shifted, switched, stages, duration, every, off or {})
     else:
+        plants, later = _first_and_later(stages, every * period, duration - 10 * every * period)
         rollouts = loop.rollout(
             shifted, start_q, start_v, list(plants.values()), duration, record_every=every, enabled=switched,
             keep_diverged=True,
         )  # fmt: skip
-    for begin, now in later:
-        changed = {k: now[name] for k, name in enumerate(names) if now[name] is not plants[name]}
-        rollouts = _switched_on(loop, rollouts, shifted, switched, changed, begin, duration, every)
-        plants = now
+        for begin, now in later:
+            changed = {k: now[name] for k, name in enumerate(names) if now[name] is not plants[name]}
+            rollouts = _switched_on(loop, rollouts, shifted, switched, changed, begin, duration, every)
+            plants = now
     grid = motion.time - motion.time[0]
     length = int(np.searchsorted(grid, rollouts.time[-1] + 0.5 / motion.rate))
     open_loop = arm.controller.law.open_loop  # its effort is what was put in
@@ -222,7 +235,36 @@ def resimulate(
                 [np.interp(grid[:length], rollouts.time, column) for column in values.T], axis=1
             )
         simulated[name] = channels
-    return Resimulation(trial, grid[:length], measured, simulated, channel_scales(arm, limits))
+    errors = _tolerated_errors(loop, trial, shifted, switched, duration, every) if free else None
+    return Resimulation(trial, grid[:length], measured, simulated, channel_scales(arm, limits, errors))
+
+
+def _tolerated_errors(
+    loop: ClosedLoop,
+    trial: Trial,
+    command: JointSignal,
+    enabled: JointSignal | None,
+    duration: float,
+    every: int,
+) -> dict[str, np.ndarray]:
+    """RMS error (J,) of position [rad] and velocity [rad/s] that tolerances and noise cause in the pieces.
+
+    No loop holds an error back: it grows with the torque over the inertia, into whatever gravity, back-EMF
+    and the other joints make of it. So machines within tolerance are simulated, once for a recording.
+    """
+    if _TOLERATED not in trial.cached:
+        noise, rngs = trial.motion.noise, {f"machine {k}": np.random.default_rng(k) for k in range(MACHINES)}
+        plants = {name: sample_plant(trial, rng) for name, rng in rngs.items()}
+        stages = [(0.0, {"nominal": PlantParameters(), **plants})]
+        runs = _in_pieces(loop, trial, command, enabled, stages, duration, every, rngs)
+        trial.cached[_TOLERATED] = {  # what diverges counts until then
+            name: np.hypot(np.sqrt(np.nanmean((values[1:] - values[:1]) ** 2, axis=(0, 1))), deviation)
+            for name, values, deviation in (
+                ("position", runs.position, noise.position),
+                ("velocity", runs.velocity, noise.velocity),
+            )
+        }
+    return trial.cached[_TOLERATED]
 
 
 def _first_and_later(

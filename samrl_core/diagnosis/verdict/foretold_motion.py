@@ -20,7 +20,6 @@ from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.result import HeldOutGap
 from samrl_core.diagnosis.selection.gap_metric import shrink
 from samrl_core.diagnosis.selection.hypothesis import Fit
-from samrl_core.diagnosis.selection.null_simulations import sample_plant
 from samrl_core.diagnosis.selection.resimulation import (
     Resimulation,
     gap,
@@ -30,6 +29,7 @@ from samrl_core.diagnosis.selection.resimulation import (
     resimulate,
     simulable,
 )
+from samrl_core.diagnosis.selection.tolerated_plant import sample_plant
 from samrl_core.diagnosis.simulation.plant_parameters import PlantParameters
 
 MACHINES = 40  # that are simulated

@@ -13,6 +13,7 @@ from samrl_core.common.errors import InputError, LimitError
 from samrl_core.diagnosis.residuals.observed import Observed
 from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.selection.forward_windows import (
+    WINDOW_S,
     Stages,
     begin_off,
     drivable,
@@ -63,6 +64,14 @@ def simulable(trial: Observed) -> TypeGuard[Trial]:
 def resimulable(trial: Observed) -> TypeGuard[Trial]:
     """Whether the recording can be simulated again, in closed loop or forward from its efforts."""
     return simulable(trial) or drivable(trial)
+
+
+def window_s(trial: Trial) -> float | None:
+    """After how long a simulation begins anew from the log [s]; None where a loop holds every joint."""
+    if not simulable(trial):
+        return WINDOW_S
+    controller = trial.recording.arm.controller
+    return PIECE_S if controller is not None and runs_away(controller) else None
 
 
 def plant_of(trial: Trial, fit: Fit) -> PlantParameters | None:

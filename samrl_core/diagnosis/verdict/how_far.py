@@ -13,7 +13,6 @@ from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.trial import Trial
 from samrl_core.diagnosis.result import HeldOutGap, Overlay
 from samrl_core.diagnosis.selection.contenders import MOTION
-from samrl_core.diagnosis.selection.forward_windows import WINDOW_S
 from samrl_core.diagnosis.selection.gap_metric import bootstrap_shrink, shrink
 from samrl_core.diagnosis.selection.hypothesis import ONSET, Evidence, Fit
 from samrl_core.diagnosis.selection.on_held_out import held_out_remainder
@@ -27,7 +26,7 @@ from samrl_core.diagnosis.selection.resimulation import (
     resimulable,
     resimulate,
     shrink_interval,
-    simulable,
+    window_s,
 )
 from samrl_core.diagnosis.selection.selection import Selection
 from samrl_core.diagnosis.verdict.foretold_motion import ForetoldMotion
@@ -129,8 +128,8 @@ def _simulated(
     other = gap(runs, "runner_up") if "runner_up" in plants else None
     other = other if other is not None and np.isfinite(other) else None
     share = None if with_effect is None else shrink(nominal, with_effect)
-    closed = all(simulable(t) for t in trials)
-    way = "closed-loop re-simulation" if closed else f"simulation forward over windows of {WINDOW_S:g} s"
+    windows = [window for t in trials if (window := window_s(t)) is not None]
+    way = f"simulation forward over windows of {min(windows):g} s" if windows else "closed-loop re-simulation"
     held = HeldOutGap(
         f"{way}, RMS over joints and channels in tolerances",
         "1", nominal, with_effect, other,

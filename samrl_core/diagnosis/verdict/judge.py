@@ -228,9 +228,12 @@ def _replaces(one: Judged, nearest: Judged) -> bool:
     """Whether a set may be named although another was refused: held-out recordings come as close with it.
 
     With the refused effect as a further member it would be the refused set in another order, unless what is
-    new in it explains most of what that left.
+    new in it explains most of what that left. A formula that contains the refused one is the same cause with
+    the term for which that was refused: what the wrong size did to the motion is no measure of it.
     """
     first = nearest.named[0].name
+    if _contains(one.selection, nearest.selection):
+        return True
     if (
         one.named[0].name != first
         and first in {n.name for n in one.named}
@@ -246,6 +249,14 @@ def _replaces(one: Judged, nearest: Judged) -> bool:
         left, before = (j.selection.held_out_unexplained for j in (one, nearest))
         return one.named[0].name == first or left <= before + ABOUT
     return a.shrink >= b.shrink - ABOUT
+
+
+def _contains(one: Selection, other: Selection) -> bool:
+    """Whether the first effect of a set has the place of another set's, and a formula that contains its."""
+    if one.chosen is None or other.chosen is None:
+        return False
+    wider, plain = one.chosen.hypotheses[0], other.chosen.hypotheses[0]
+    return wider.place == plain.place and plain.effect.family in wider.effect.contains
 
 
 def _explains_the_rest(one: Judged, nearest: Judged) -> bool:

@@ -21,10 +21,7 @@ DATA = ROOT.parent / "shared" / "data"
 if not DATA.is_dir():
     DATA = ROOT.parents[1] / "shared" / "data"
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(not (DATA / "emps").is_dir(), reason="recordings of real machines absent"),
-]
+pytestmark = pytest.mark.skipif(not (DATA / "emps").is_dir(), reason="recordings of real machines absent")
 DRIVE = {
     "type": "velocity_drive",
     "velocity_gain": ["kv * gtau"],

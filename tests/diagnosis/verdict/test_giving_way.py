@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 import pytest
 
+from samrl_core.diagnosis.effects import EFFECTS
 from samrl_core.diagnosis.result import HeldOutGap
 from samrl_core.diagnosis.selection import selection
 from samrl_core.diagnosis.selection.contenders import contend
@@ -29,7 +30,8 @@ if TYPE_CHECKING:
 def fit(name: str, gain: float) -> Fit:
     """A fit that has a name and evidence and nothing else."""
     family = name.partition("@")[0]
-    kinds = {"of_description": False, "contains": (), "parameters": (), "renamed_shapes": ()}
+    contains = next((e.contains for e in EFFECTS if e.family == family), ())
+    kinds = {"of_description": False, "contains": contains, "parameters": (), "renamed_shapes": ()}
     effect = SimpleNamespace(family=family, limits_motion=family == "torque_saturation", **kinds)
     form = SimpleNamespace(refine={})
     one = SimpleNamespace(name=name, place=name.partition("@")[2], effect=effect, form=form, shape={})

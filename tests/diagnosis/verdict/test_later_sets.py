@@ -39,3 +39,21 @@ def test_a_refused_effect_stands_beside_what_explains_its_rest(
 def test_a_refused_set_is_not_named_in_another_order() -> None:
     refused = judged((DRY, WET), 564.0, 0.70, "none_of_mine")
     assert not _replaces(judged((WET, DRY), 112.0, 0.82, "effect"), refused)
+
+
+@pytest.mark.parametrize(
+    ("names", "stands"),
+    [
+        (("friction_asymmetry@joint:slide",), True),
+        (("friction_asymmetry@joint:other",), False),
+        (("viscous_friction@joint:slide",), False),
+    ],
+    ids=["what contains it", "elsewhere", "another"],
+)
+def test_a_refused_formula_gives_way_to_one_that_contains_it(names: tuple[str, ...], stands: bool) -> None:
+    """EMPS by its law alone: dry friction was 0.68 of its size one way and 1.13 the other, and refused.
+
+    One that depends on the direction has the published size; it shrank the gap by 52 %, not by 57 %.
+    """
+    refused = judged((DRY,), 112.0, 0.57, "none_of_mine")
+    assert _replaces(judged(names, 110.0, 0.50, "effect"), refused) is stands

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from samrl_core.cell.types.arm_description import ArmDescription
 from samrl_core.diagnosis.recordings.units import joint_kinds
-from samrl_core.diagnosis.result import Curve, Diagnosis, NamedEffect
+from samrl_core.diagnosis.result import Curve, Diagnosis, LeastSize, NamedEffect
 
 _UNIT = re.compile(r"(?<=\[)[^\]]*(?=\]$)")  # at the end of an axis' label
 _QUANTITY = re.compile(r"(?<=\d )(rad/s|rad|N m)\b")  # in a sentence
@@ -37,6 +37,7 @@ def with_joint_units(diagnosis: Diagnosis, arm: ArmDescription) -> Diagnosis:
         tracked=tuple(_effect(e, sliding) for e in d.tracked),
         nearest=None if d.nearest is None else _effect(d.nearest, sliding),
         gap=gap,
+        least_sizes=tuple(_least_size(one, sliding) for one in d.least_sizes),
         curves=tuple(_curve(c, sliding) for c in d.curves),
         overlays=tuple(
             replace(o, unit=sliding_unit(o.unit)) if o.joint in sliding else o for o in d.overlays
@@ -63,13 +64,21 @@ def _sentence(text: str, sliding: Collection[str]) -> str:
 
 
 def _effect(effect: NamedEffect, sliding: Collection[str]) -> NamedEffect:
-    at = effect.place.removeprefix("joint:")
     parameters = {}
     for name, estimate in effect.parameters.items():
-        joint = name.partition("[")[2].rstrip("]") or at  # an arm's effect names the joint of each value
-        slides = joint in sliding
+        slides = _joint_of(effect.place, name) in sliding
         parameters[name] = replace(estimate, unit=sliding_unit(estimate.unit)) if slides else estimate
     return replace(effect, parameters=parameters)
+
+
+def _least_size(one: LeastSize, sliding: Collection[str]) -> LeastSize:
+    slides = _joint_of(one.effect.partition("@")[2], one.parameter) in sliding
+    return replace(one, unit=sliding_unit(one.unit)) if slides else one
+
+
+def _joint_of(place: str, parameter: str) -> str:
+    """The joint that a parameter is of: an arm's effect names it with each value."""
+    return parameter.partition("[")[2].rstrip("]") or place.removeprefix("joint:")
 
 
 def _curve(curve: Curve, sliding: Collection[str]) -> Curve:

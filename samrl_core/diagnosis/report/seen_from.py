@@ -92,11 +92,14 @@ def size(ends: Ends, unit: str) -> str:
 
 
 def seen_from(d: Diagnosis) -> list[SeenFrom]:
-    """Every effect's parameters; what is of the whole machine first, then links and joints."""
-    grouped: dict[tuple[str, str, str], list[LeastSize]] = {}
+    """Every effect's parameters; what is of the whole machine first, then links and joints.
+
+    Joints that slide have rows of their own, in their own units.
+    """
+    grouped: dict[tuple[str, str, str, str], list[LeastSize]] = {}
     for one in d.least_sizes:
         kind = one.effect.partition("@")[2].partition(":")[0]
-        grouped.setdefault((kind, one.family, one.parameter), []).append(one)
+        grouped.setdefault((kind, one.family, one.parameter, one.unit), []).append(one)
     order = {"joint": 2, "link": 1}
     rows = sorted(grouped.items(), key=lambda item: order.get(item[0][0], 0))
     return [SeenFrom(tuple(sizes)) for _, sizes in rows]

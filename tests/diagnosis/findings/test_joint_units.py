@@ -9,7 +9,8 @@ import pytest
 
 from samrl_core.cell.types.arm_description import ArmDescription
 from samrl_core.diagnosis.findings.joint_units import sliding_unit, with_joint_units
-from samrl_core.diagnosis.result import Curve, Diagnosis
+from samrl_core.diagnosis.report.seen_from import in_short, seen_from
+from samrl_core.diagnosis.result import Curve, Diagnosis, LeastSize
 from tests.diagnosis.report import samples
 
 URDF = """<robot name="r"><link name="a"/><link name="b"/><link name="c"/>
@@ -88,3 +89,13 @@ def test_sentences_about_a_sliding_joint_have_its_units(text: str, sliding: str)
     d = replace(result(), reasons=(text,), alarms=(text,))
     found = with_joint_units(d, arm("panda_joint4", "panda_joint5"))
     assert found.reasons == found.alarms == (sliding,)
+
+
+def test_least_sizes_of_slides_are_rows_of_their_own() -> None:
+    """A stage whose axes slide read "Fc 0.24 to 0.51 N m"."""
+    ends = (-0.4, 0.4)
+    places = ("panda_joint4", "panda_joint5")
+    least = tuple(LeastSize(f"coulomb_friction@joint:{p}", "Fc", "N m", ends, ends) for p in places)
+    found = with_joint_units(replace(result(), least_sizes=least), arm(*places))
+    assert [row.unit for row in seen_from(found)] == ["N", "N m"]
+    assert in_short(found) == "coulomb_friction Fc ± 0.4 N"

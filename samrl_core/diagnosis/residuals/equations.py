@@ -176,6 +176,8 @@ def form_equations(motion: RecordedMotion) -> Equations:
         level = np.hypot(level, friction)
         color["drive"] = _color(motion, rotor_noise, level)
         sigma["drive"] = widen_at_rest(_spread(level, residual["drive"]), motion, scale, color["drive"])
+        if motion.computed:
+            sigma["drive"] = _past_wider(widen_at_edges(sigma["drive"], motion), motion, scale)
     if tau is not None:
         residual["link"] = tau - model
         level = np.sqrt((share * noise.effort) ** 2 + link_noise**2 + floor**2 + sprung**2)

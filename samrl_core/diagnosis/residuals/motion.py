@@ -310,7 +310,6 @@ class RecordedMotion(SignalBand):
             and self.arm is not None
             and self.controller is not None
             and not self.controller.law.open_loop
-            and self.raw_effort is None
             and self.command is not None
         )
 

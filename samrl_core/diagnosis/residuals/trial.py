@@ -163,7 +163,8 @@ class Trial(Observed):
     @property
     def shows_controller(self) -> bool:
         """Whether what the controller does otherwise than described is seen in some channel."""
-        return "controller" in self.channels or (self.motion.computed and "dynamics" in self.channels)
+        computed = self.motion.computed and ("drive" in self.channels or "dynamics" in self.channels)
+        return "controller" in self.channels or computed
 
     def link(self, columns: np.ndarray) -> Columns:
         """Band-limited columns (p, N, J) that act behind the torque sensors."""

@@ -73,7 +73,8 @@ def _explained(recording: ArmRecording) -> _Explained | None:
     if command is None or command.position is None:
         return None
     if motion.computed:
-        left, what = form_equations(motion).residual["dynamics"], "motion"
+        residual = form_equations(motion).residual
+        left, what = residual["drive" if "drive" in residual else "dynamics"], "motion"
     elif motion.asked is not None:
         limit = motion.limit()
         off = np.clip(motion.described_law.total, -limit, limit) - motion.asked

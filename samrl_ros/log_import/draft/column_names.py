@@ -18,6 +18,7 @@ _COMPOUND = re.compile(r"(soll|ist)([a-z]{3,})")  # German: Sollweg, Istdrehzahl
 _ELECTRIC = re.compile(
     r"(?:[\[(]|_)(m?[VA])(?:rms)?(?:[\])]|$)"
 )  # unit of a motor's input at the end of a name
+_OF_MOTOR = re.compile(r"([VI])_?(?:m|mot|motor)")  # Quanser's Vm
 
 QUANTITIES = {
     "position": "q pos position positions qpos theta angle angles rad radian radians deg degree degrees"
@@ -42,11 +43,14 @@ SHARES = "ext external hat interact interaction gravity g coriolis friction cont
 SHARES += " feedforward"
 ENABLED = frozenset("enable enabled".split())  # whether a drive gives torque: torque_enable
 TIME = "t tm time times timestamp timestamps stamp stamps tstamp tstamps sec secs seconds ms us ns clock zeit"
-TIME += " duration tout tiempo tempo temps"
+TIME += " duration tout tiempo tempo temps millis micros millisec microsec milliseconds microseconds"
+TIME += " msec msecs usec usecs"
 UNIT_WORDS = {
     "rad": "rad", "radian": "rad", "radians": "rad",
     "deg": "deg", "degrees": "deg", "degree": "deg", "rpm": "rpm", "nm": "N m", "ms": "ms",
-    "us": "us", "ns": "ns", "s": "s", "sec": "s", "secs": "s", "seconds": "s", "mm": "mm", "mnm": "mN m",
+    "us": "us", "ns": "ns", "millis": "ms", "millisec": "ms", "milliseconds": "ms", "msec": "ms",
+    "msecs": "ms", "micros": "us", "microsec": "us", "microseconds": "us", "usec": "us", "usecs": "us",
+    "s": "s", "sec": "s", "secs": "s", "seconds": "s", "mm": "mm", "mnm": "mN m",
     "nmm": "mN m", "knm": "kN m", "ncm": "N cm", "cnm": "N cm",
 }  # fmt: skip
 # Of poses: what a camera sees, what an arm carries, cameras' frames and the frames that arms stand in.
@@ -65,6 +69,7 @@ FRAME_LETTERS = {  # of A_p_B, B's origin in A
 }  # fmt: skip
 BASES = frozenset("base world link0 root origin o".split())  # o: of libfranka's O_T_EE
 
+_TICKS, _TICK_UNITS = frozenset(("tick", "ticks")), frozenset("ms us ns".split())  # MicroPython's ticks_ms
 _TRAVELS, _PER_SECOND = frozenset("rad deg degrees degree mrad rev mm".split()), frozenset("s sec".split())
 _OTHER_RATES = frozenset("sample samples sampling loop control frame update baud hz".split())
 _QUANTITY_OF = {word: quantity for quantity, words in QUANTITIES.items() for word in words.split()}
@@ -107,6 +112,8 @@ def meaning(name: str) -> NameMeaning:
     if (electric := _ELECTRIC.search(name)) and quantity in ("", "current", "voltage"):
         units = [electric[1]]
         quantity = quantity or ("current" if electric[1].endswith("A") else "voltage")
+    if not quantity and (of_motor := _OF_MOTOR.fullmatch(re.split(r"[./ \[(]", name)[0])):
+        quantity = "voltage" if of_motor[1] == "V" else "current"
     if not quantity and _PRESSURE.search(name):
         quantity = "pressure"
     found = set(words)
@@ -153,7 +160,9 @@ def words_in(name: str) -> list[str]:
     """Lower-case words of a name in snake case, camel case or with dots."""
     name = _FEEDBACK.sub("feedback", name.translate(_MICRO))
     words = [word.lower() for word in _WORDS.findall(_TORQUE_UNIT.sub(_as_word, name))]
-    return [part for word in words for part in _parts_of(word)]
+    parts = [part for word in words for part in _parts_of(word)]
+    # Ticks of a unit of time are a clock's, others an encoder's.
+    return parts[1:] if parts[:1] and parts[0] in _TICKS and set(parts[1:2]) & _TICK_UNITS else parts
 
 
 def _parts_of(word: str) -> tuple[str, ...]:

@@ -147,5 +147,5 @@ def test_each_recording_begins_within_its_limits(tmp_path: Path) -> None:
         recording = import_recording(about, mapping, tmp_path).recording
         assert recording.states.position is not None
         np.testing.assert_allclose(recording.states.position[:, 0], np.radians(wave + begin), atol=1e-4)
-    assert draft.channels["commanded_effort"]["effort"]["formula"] == ["duty_cycle_1"]
-    assert any("is it in V" in question for question in draft.questions)
+    assert draft.channels["commanded_effort"]["effort"]["formula"] == ["12.0 / 1 * duty_cycle_1"]
+    assert any("how many volts" in question for question in draft.questions)

@@ -27,6 +27,7 @@ from samrl_ros.log_import.draft.joints.motor_input import (
     inputs_of_some,
     rank_input,
     say_supply,
+    volts_of_motors,
 )
 from samrl_ros.log_import.draft.joints.named_sources import (
     NamedBlock,
@@ -282,13 +283,13 @@ def add_effort(
             draft.unused += [f"{name_of(each)}: beside the commanded torque" for each in measured]
             return [commanded, *measured[:1], *currents]
     elif not measured or effort is Effort.none:
-        if (
-            not measured
-            and effort is not Effort.none
-            and (motors := currents_of_motors(currents, position, order))
-        ):
-            draft.unused.remove(say_how_used(motors[0]))
-            return add_motor_current(motors[0], position, order, draft)
+        if not measured and effort is not Effort.none:
+            if motors := currents_of_motors(currents, position, order):
+                draft.unused.remove(say_how_used(motors[0]))
+                return add_motor_current(motors[0], position, order, draft)
+            if motors := volts_of_motors(currents, position, order):
+                draft.unused.remove(say_how_used(motors[0]))
+                return add_motor_input(motors[0], position, order, draft)
         if not measured:
             left = ", ".join(map(name_of, currents))
             undriven = "command" not in draft.channels and effort is Effort.ask

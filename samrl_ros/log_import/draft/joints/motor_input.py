@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from samrl_ros.log_import.draft.column_names import words_in
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.joints.named_sources import (
@@ -17,9 +19,15 @@ from samrl_ros.log_import.draft.joints.named_sources import (
 )
 
 _RTDE_CURRENT = "actual_current_{}"  # Universal Robots state no torque constants
-TORQUE_CONSTANT = "torque_constant"  # what is asked of a current beside a command
+TORQUE_CONSTANT = "torque_constant"  # what is asked of a current or voltage beside a command
+_OF_LOOP = (
+    ". Where the loop's gains are known, state them: a voltage_servo or position_servo has the motor's keys,"
+    " too; --effort none leaves the input out"
+)
 _SUPPLY = frozenset("in input supply battery batt bus".split())
 _DUTY = frozenset("duty pwm".split())
+_FULL_DUTIES = (1.0, 100.0, 255.0, 1023.0, 4095.0, 32767.0)  # a share, %, and timers of 8 to 16 bits
+_WHOLE_DUTIES = _FULL_DUTIES[2:]
 
 
 def inputs_of_some(
@@ -86,6 +94,23 @@ def currents_of_motors(
     return sorted(there, key=lambda each: (shares_rows(each, position), rank_input(each)), reverse=True)
 
 
+def volts_of_motors(
+    electric: Sequence[NamedBlock], position: NamedBlock, order: list[str]
+) -> list[NamedBlock]:
+    """Signed voltages or duty cycles of motors, those in volts first."""
+    there = [
+        each
+        for each in electric
+        if each.meaning.quantity == "voltage"
+        and not each.meaning.computed
+        and not is_supplys(each)
+        and has_both_signs(each)
+        and not of_other_length(each, position)
+        and (set(order) <= set(each.block.labels) or bool(inputs_of_some([each], position, order)))
+    ]
+    return sorted(there, key=lambda each: (shares_rows(each, position), rank_input(each)), reverse=True)
+
+
 def add_motor_current(
     best: NamedBlock, position: NamedBlock, order: list[str], draft: Draft
 ) -> list[NamedBlock]:
@@ -125,23 +150,37 @@ def say_supply(inputs: Sequence[NamedBlock], used: NamedBlock, draft: Draft) -> 
 def add_motor_input(
     best: NamedBlock, position: NamedBlock, order: list[str], draft: Draft
 ) -> list[NamedBlock]:
-    """Volts or amperes of a motor without a loop as what was commanded; its constants are asked for."""
+    """Volts, a duty cycle or amperes of a motor as what was commanded; its constants are asked for.
+
+    Beside a command a loop has chosen them, which the draft does not know.
+    """
     by_current = best.meaning.quantity == "current"
     known = ("A", "mA") if by_current else ("V", "mV")
     unit = best.meaning.unit if best.meaning.unit in known else known[0]
-    same = shares_rows(best, position)
+    same, followed = shares_rows(best, position), "command" in draft.channels
     if not same:
         add_source(best.part, "commanded_effort", draft)
     source = "states" if same else "commanded_effort"
-    said = f"in {unit}" if best.meaning.unit in known else f"taken for {unit}"
+    said, question = f"in {unit}", ""
+    factor = "0.001 * " if unit.startswith("m") else ""
+    if _DUTY & set(words_in(best.block.stem)) and best.meaning.unit not in known:
+        full = _full_duty(best)
+        factor = f"12.0 / {full:g} * "
+        said = f"a duty cycle, up to {np.abs(best.block.values).max():g}"
+        question = (
+            f"how many volts does the motor get at full scale, and at which number is that? 12 V at {full:g}"
+            " are placeholders"
+        )
+    elif best.meaning.unit not in known:
+        said, question = f"taken for {unit}", f"is it in {unit}, signed, and what drives the motor?"
     draft.note(
-        "channels.commanded_effort.effort", f"{name_of(best)}: a motor's {best.meaning.quantity}, {said}",
-        "" if best.meaning.unit in known else f"is it in {unit}, signed, and what drives the motor?",
-    )  # fmt: skip
+        "channels.commanded_effort.effort",
+        f"{name_of(best)}: a motor's {best.meaning.quantity}, {said}",
+        question,
+    )
     driven = _driven(best, order)
     quantity = quantity_of(best, [label for label, _ in driven], unit.removeprefix("m"), draft, source)
-    if unit.startswith("m"):
-        quantity["formula"] = [f"0.001 * {formula}" for formula in quantity["formula"]]
+    quantity["formula"] = [f"{factor}{formula}" for formula in quantity["formula"]]
     formulas = dict(zip((place for _, place in driven), quantity["formula"], strict=True))
     quantity["formula"] = [formulas.get(place, 0) for place in range(len(order))]
     draft.channels["commanded_effort"] = {"source": source, "effort": quantity}
@@ -156,8 +195,11 @@ def add_motor_input(
     }
     asked = "torque constant [N m/A]" + ("" if by_current else ", resistance [ohm]")
     draft.note(
-        "controller", "a motor whose input is recorded, without a loop",
-        f"what are {asked}, gear ratio and rotor inertia [kg m2] of the motor? These are placeholders",
+        "controller",
+        f"a motor whose input is recorded, {'beside a command' if followed else 'without a loop'}",
+        f"what are {asked}, gear ratio and rotor inertia [kg m2] of the motor? These are placeholders"
+        f"{_OF_LOOP if followed else ''}",
+        TORQUE_CONSTANT if followed else "",
     )  # fmt: skip
     if len(driven) < len(order):
         names = [draft.joints[place] for _, place in driven]
@@ -167,6 +209,16 @@ def add_motor_input(
             f"does {name_of(best)} drive {', '.join(names)}, and nothing {others}?",
         )  # fmt: skip
     return [best]
+
+
+def _full_duty(duty: NamedBlock) -> float:
+    """The number at which a duty cycle is likely to be full."""
+    values, words = duty.block.values, words_in(duty.block.stem)
+    largest = float(np.abs(values).max())
+    if "%" in duty.block.stem or {"percent", "pct"} & set(words):
+        return 100.0
+    scales = _WHOLE_DUTIES if (values == np.round(values)).all() else _FULL_DUTIES
+    return next((scale for scale in scales if scale >= largest), largest)
 
 
 def _driven(best: NamedBlock, order: list[str]) -> list[tuple[str, int]]:

@@ -1,0 +1,98 @@
+"""Names of small benches' logs: a microcontroller's clock and duty cycle, a voltage called `Vm`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from samrl_ros.log_import.draft.any_draft import draft_any
+from samrl_ros.log_import.draft.column_names import is_time, meaning
+from samrl_ros.log_import.draft.guess import Draft, Effort
+from samrl_ros.log_import.draft.joints.motor_input import TORQUE_CONSTANT
+from samrl_ros.log_import.foreign import read_runs
+from samrl_ros.log_import.importer import import_recording
+from samrl_ros.log_import.mapping import parse_mapping
+
+TIME = np.arange(0.0, 6.0, 0.01)
+WAVE, TURNED = np.sin(2.0 * TIME), np.cos(2.0 * TIME)
+
+
+def write(path: Path, **columns: np.ndarray) -> Path:
+    table, head = np.column_stack(list(columns.values())), ",".join(columns)
+    np.savetxt(path, table, delimiter=",", header=head, comments="", fmt="%.6g")
+    return path
+
+
+def questions_of(draft: Draft, key: str) -> str:
+    return "\n".join(guess.question for guess in draft.of(key))
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [("millis", "ms"), ("micros", "us"), ("ticks_ms", "ms"), ("ticks_us", "us"), ("t_msec", "ms")],
+)
+def test_a_microcontrollers_clock_is_one_by_its_name(name: str, unit: str, tmp_path: Path) -> None:
+    """It said `no column is a clock` and asked for the rate."""
+    times = 812 + np.round(TIME * {"ms": 1e3, "us": 1e6}[unit])
+    draft = draft_any([write(tmp_path / "a.csv", **{name: times, "q_rad": WAVE})], None, None)
+    assert draft.sources["states"]["time"] == {"column": name, "unit": unit}
+    assert not questions_of(draft, "sources.states.time")
+
+
+def test_ticks_of_no_unit_of_time_are_an_encoders() -> None:
+    assert not is_time("ticks") and not is_time("left_ticks") and not is_time("ticks_per_ms")
+    assert meaning("ticks").quantity == meaning("enc_ticks").quantity == "position"
+
+
+def bench(path: Path, target: bool = True, **drive: np.ndarray) -> Path:
+    """A driven joint with an encoder and what its motor was given."""
+    goal = {"target": np.round(520.0 * WAVE)} if target else {}
+    return write(path, millis=1e3 * TIME, enc=np.round(500.0 * WAVE), **drive, **goal)
+
+
+@pytest.mark.parametrize("target", [True, False])
+@pytest.mark.parametrize(("largest", "full"), [(73, "255"), (600, "1023"), (0.7, "1")])
+def test_a_duty_cycle_is_asked_for_its_volts(target: bool, largest: float, full: str, tmp_path: Path) -> None:
+    """Beside a command it was left out without a question, without one it was taken for volts."""
+    duty = largest * TURNED if largest < 1 else np.round(largest * TURNED)
+    draft = draft_any([bench(tmp_path / "a.csv", target, pwm=duty)], None, None)
+    effort = draft.channels["commanded_effort"]["effort"]
+    assert effort == {"formula": [f"12.0 / {full} * pwm_1"], "unit": "V"}
+    assert "how many volts" in questions_of(draft, "channels.commanded_effort.effort")
+    assert "resistance [ohm]" in questions_of(draft, "controller")
+    assert ("voltage_servo" in questions_of(draft, "controller")) == target
+    content = {key: value for key, value in draft.as_mapping().items() if key != "questions"}
+    mapping = parse_mapping(yaml.safe_dump(content), tmp_path / "m.yaml")
+    made = import_recording(mapping.recordings[0], mapping, tmp_path).recording
+    assert made.commanded_effort is not None and made.commanded_effort.effort is not None
+    np.testing.assert_allclose(made.commanded_effort.effort[:, 0], 12.0 / float(full) * duty, atol=1e-5)
+
+
+def test_a_duty_cycle_in_per_cent(tmp_path: Path) -> None:
+    draft = draft_any([bench(tmp_path / "a.csv", **{"duty[%]": np.round(60.0 * TURNED)})], None, None)
+    assert draft.channels["commanded_effort"]["effort"]["formula"] == ["12.0 / 100 * duty_1"]
+
+
+@pytest.mark.parametrize("drive", [{"pwm": 1500.0 + 80.0 * WAVE}, {"battery_V": 12.0 + 0.1 * WAVE}])
+def test_what_has_one_sign_drives_no_motor(drive: dict[str, np.ndarray], tmp_path: Path) -> None:
+    draft = draft_any([bench(tmp_path / "a.csv", **drive)], None, None)
+    assert "commanded_effort" not in draft.channels and not draft.controller
+
+
+def test_volts_beside_a_command_are_left_out_aloud_where_nobody_answers(tmp_path: Path) -> None:
+    log = write(tmp_path / "a.csv", time_s=TIME, q_rad=WAVE, q_cmd_rad=1.01 * WAVE, Vm=3.0 * TURNED)
+    drafted = draft_any([log], None, None)
+    assert drafted.channels["commanded_effort"]["effort"]["unit"] == "V"
+    assert any(guess.asks == TORQUE_CONSTANT for guess in drafted.guesses)
+    (recording,), notes = read_runs(log, None, None, Effort.ask)
+    assert recording.commanded_effort is None
+    assert any("left out" in note and "Vm" in note for note in notes)
+
+
+@pytest.mark.parametrize(("name", "quantity"), [("Vm", "voltage"), ("V_mot", "voltage"), ("I_m", "current")])
+def test_letters_of_a_motors_volts_and_amperes(name: str, quantity: str) -> None:
+    assert meaning(name).quantity == quantity
+    assert meaning(name.lower()).quantity == ""  # a measured speed, as often

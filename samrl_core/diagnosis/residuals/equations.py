@@ -20,6 +20,7 @@ import numpy as np
 from samrl_core.cell.robots.joint_dynamics import joint_dynamics
 from samrl_core.cell.types.arm_description import HELD, ArmDescription
 from samrl_core.diagnosis.residuals.basis_functions import smooth_sign
+from samrl_core.diagnosis.residuals.coarse_readings import widen_where_coarse
 from samrl_core.diagnosis.residuals.laws.followed import followed_position
 from samrl_core.diagnosis.residuals.laws.goal_phase import widen_with_goals
 from samrl_core.diagnosis.residuals.motion import RecordedMotion
@@ -197,6 +198,11 @@ def form_equations(motion: RecordedMotion) -> Equations:
             sigma["dynamics"] = widen_with_goals(sigma["dynamics"], motion, raw)
         if motion.computed:
             sigma["dynamics"] = _past_wider(widen_at_edges(sigma["dynamics"], motion), motion, scale)
+    rotors = np.broadcast_to(np.diag(armature(arm)), (len(motion), motion.joints, motion.joints))
+    mass = rigid.mass_matrix(motion.q)
+    for channel, inertia in (("drive", rotors), ("link", mass), ("dynamics", mass + rotors)):
+        if channel in residual:
+            sigma[channel] = widen_where_coarse(sigma[channel], motion, inertia, color[channel])
     return Equations(motion, residual, sigma, law, lag, model, color=color)
 
 

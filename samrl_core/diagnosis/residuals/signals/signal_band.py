@@ -114,6 +114,10 @@ class SignalBand:
         ticks = np.arange(len(x))
         return np.asarray(interpolate.make_interp_spline(ticks, x, k=7)(ticks, nu=order)) * self.rate**order
 
+    def acceleration_of(self, x: np.ndarray) -> np.ndarray:
+        """Second derivative (N, J) of full-rate positions (F, J), as accelerations are made of readings."""
+        return self._pick(self._derivative(self._filtered(x), 2))
+
     def _pick(self, x: np.ndarray) -> np.ndarray:
         return x[self.edge : len(x) - self.edge : self.step]
 

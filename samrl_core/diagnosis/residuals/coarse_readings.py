@@ -1,0 +1,44 @@
+"""What the steps of a position reading make of accelerations, along the motion that was recorded.
+
+Rounding is white noise while a joint passes many steps within the band's shortest period. One that turns back
+or creeps stays within a step for longer: its error is then slow, and lies within the band. A filter that
+expects accelerations' noise to rise with frequency raises it further, and an exact pendulum behind an encoder
+of 4096 counts had a gap at its reversals.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from samrl_core.diagnosis.residuals.motion import RecordedMotion
+from samrl_core.diagnosis.residuals.signals.noise_color import NoiseColor
+
+PHASES = 16  # places within a step at which the motion may lie; each is as probable
+DITHERED = 0.6  # of a step: noise of more makes rounding white by itself
+
+
+def widen_where_coarse(
+    sigma: np.ndarray, motion: RecordedMotion, inertia: np.ndarray, color: NoiseColor
+) -> np.ndarray:
+    """Noise (N, J) that is nowhere less than rounding makes of the recorded motion.
+
+    Args:
+        sigma: (N, J) otherwise [N m or N].
+        motion: of the recording; nothing changes where velocities were read.
+        inertia: (N, J, J) that turns accelerations into the channel's torque.
+        color: that makes the noise of the channel white.
+    """
+    step = np.where(motion.noise.position < DITHERED * motion.reading_step, motion.reading_step, 0.0)
+    if motion.raw_velocity is not None or not np.any(step > 0):
+        return sigma
+    coarse = np.flatnonzero(step)
+    steps = motion.full_position[:, coarse] / step[coarse]
+    power = np.zeros_like(sigma)
+    for k in range(PHASES):
+        # Joints do not lie at the same place of their steps.
+        phase = (np.mod(k * (2 * coarse + 1), PHASES) + 0.5) / PHASES
+        error = np.zeros_like(motion.full_position)
+        error[:, coarse] = (np.round(steps + phase) - steps - phase) * step[coarse]
+        torque = np.einsum("nij,nj->ni", inertia, motion.acceleration_of(error)) / sigma
+        power += np.stack([color.whitened(row, j) for j, row in enumerate(torque.T)], axis=1) ** 2
+    return sigma * np.sqrt(np.maximum(power / PHASES, 1.0))

@@ -9,6 +9,7 @@ of 4096 counts had a gap at its reversals.
 from __future__ import annotations
 
 import numpy as np
+from scipy import ndimage
 
 from samrl_core.diagnosis.residuals.motion import RecordedMotion
 from samrl_core.diagnosis.residuals.signals.noise_color import NoiseColor
@@ -41,4 +42,7 @@ def widen_where_coarse(
         error[:, coarse] = (np.round(steps + phase) - steps - phase) * step[coarse]
         torque = np.einsum("nij,nj->ni", inertia, motion.acceleration_of(error)) / sigma
         power += np.stack([color.whitened(row, j) for j, row in enumerate(torque.T)], axis=1) ** 2
-    return sigma * np.sqrt(np.maximum(power / PHASES, 1.0))
+    # Nobody knows the place within a step: noise does not come and go from sample to sample.
+    near = 1 + 2 * round(1.0 / (motion.band * motion.dt))
+    power = ndimage.uniform_filter1d(power / PHASES, near, axis=0, mode="nearest")
+    return sigma * np.sqrt(np.maximum(power, 1.0))

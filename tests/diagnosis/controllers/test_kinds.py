@@ -59,7 +59,8 @@ def test_a_stepper_holds_with_its_torque_a_full_step_off() -> None:
         ({"type": "magic"}, "type is 'magic'; known are joint_impedance"),
         ({"resistance": [0.0]}, "resistance is .* must be above zero"),
         ({"off": "somehow"}, "off is 'somehow', must be one of free, braked"),
-        ({"proportional": [1.0, 2.0]}, "proportional is .* must be 1 finite numbers"),
+        ({"proportional": [1.0, 2.0]}, "proportional is .* must be 1 finite number up to"),
+        ({"proportional": 12}, r"proportional is 12, must be a list of 1 finite number; write \[12\]"),
     ],
 )
 def test_texts_that_fit_no_kind_are_refused(change: dict[str, object], message: str) -> None:

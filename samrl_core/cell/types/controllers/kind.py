@@ -166,8 +166,12 @@ def numbers(value: Any, shape: tuple[int, ...], where: str) -> np.ndarray:
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{where} is {shown(value)}, must be numbers") from error
     if array.shape != shape or not (np.abs(array) <= LARGEST).all():  # not NaN either
-        what = f"{shape[0]} finite numbers" if shape else "one finite number"
-        raise InputError(f"{where} is {shown(value)}, must be {what} up to {LARGEST:g}")
+        what = f"{shape[0]} finite number{'' if shape[0] == 1 else 's'}" if shape else "one finite number"
+        text = f"{where} is {shown(value)}, must be"
+        if shape and not array.shape:
+            listed = ", ".join([shown(value)] * shape[0])
+            raise InputError(f"{text} a list of {what}; write [{listed}]")
+        raise InputError(f"{text} {what} up to {LARGEST:g}")
     return array
 
 

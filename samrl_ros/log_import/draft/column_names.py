@@ -34,7 +34,7 @@ QUANTITIES = {
     "temperature": "temperature temp temperatures celsius",
 }
 COMMANDED = "cmd command commanded commands target targets ref reference desired des goal goals setpoint"
-COMMANDED += " planned set point action wanted control d soll sol actions commands setpoints references"
+COMMANDED += " planned set point action wanted control con d soll sol actions commands setpoints references"
 MEASURED = "actual act meas measured feedback state states obs observation present real process value ist"
 MEASURED += " sensor msr fb"  # fb: the second half of a drive's PL.CMD and PL.FB
 COMPUTED = "error err output residual integral multi last prev previous next computed safened cos sin"

@@ -96,3 +96,30 @@ def test_volts_beside_a_command_are_left_out_aloud_where_nobody_answers(tmp_path
 def test_letters_of_a_motors_volts_and_amperes(name: str, quantity: str) -> None:
     assert meaning(name).quantity == quantity
     assert meaning(name.lower()).quantity == ""  # a measured speed, as often
+
+
+def controllers_log(path: Path, **torques: np.ndarray) -> Draft:
+    """A joint with a commanded position and these torques."""
+    columns = {"time_s": TIME, "pos_meas_rad": WAVE, "pos_des_rad": 1.01 * WAVE}
+    return draft_any([write(path, **columns, **torques)], None, None)
+
+
+def used_torque(draft: Draft) -> str:
+    (formula,) = draft.channels["commanded_effort"]["effort"]["formula"]
+    return draft.sources["states"]["columns"][formula]
+
+
+def test_a_torque_that_is_zero_throughout_drives_nothing(tmp_path: Path) -> None:
+    """The zeros of a trajectory without feed-forward were taken for what the drives were asked for."""
+    torques = {"tau_meas": 2.0 * TURNED, "tau_des": 0.0 * TIME}
+    draft = controllers_log(tmp_path / "a.csv", **torques, tau_con=2.1 * TURNED)
+    assert used_torque(draft) == "tau_con"
+    assert "a.csv: tau_des: zero throughout: it drives nothing" in draft.unused
+    assert used_torque(controllers_log(tmp_path / "b.csv", **torques)) == "tau_meas"
+    alone = controllers_log(tmp_path / "c.csv", tau_des=0.0 * TIME)
+    assert used_torque(alone) == "tau_des"
+
+
+def test_which_of_two_commanded_torques_is_asked(tmp_path: Path) -> None:
+    draft = controllers_log(tmp_path / "a.csv", tau_des=1.9 * TURNED, tau_con=2.1 * TURNED)
+    assert "and not a.csv: tau_con?" in questions_of(draft, "channels.commanded_effort.effort")

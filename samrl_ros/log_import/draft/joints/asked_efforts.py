@@ -8,9 +8,11 @@ from samrl_ros.log_import.draft import evidence
 from samrl_ros.log_import.draft.column_names import QUANTITIES, words_in
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.joints.arm_messages import CURRENTS_OF_UR
+from samrl_ros.log_import.draft.joints.motor_input import is_supplys
 from samrl_ros.log_import.draft.joints.named_sources import NamedBlock, name_of, shares_rows
 
 _TORQUES = frozenset(QUANTITIES["effort"].split())
+_DRIVE = ("effort", "current", "voltage")
 _LIES_ON = 0.2  # of a joint's motion, within which a set point stays from its position
 
 
@@ -50,6 +52,19 @@ def without_held(measured: list[NamedBlock], position: NamedBlock, draft: Draft)
         for name, rows in held.items()
     ]
     return [each for each in measured if name_of(each) not in held]
+
+
+def without_zeros(found: list[NamedBlock], draft: Draft) -> list[NamedBlock]:
+    """Without torques that are zero throughout where something else may drive the joints.
+
+    Controllers log what they could have asked for beside what they did, as the feed-forward of a trajectory.
+    """
+    able = [each for each in found if each.meaning.quantity in _DRIVE and not each.meaning.computed]
+    zero = [each for each in able if each.meaning.quantity == "effort" and not each.block.values.any()]
+    if len(zero) == len([each for each in able if not is_supplys(each)]):
+        return found
+    draft.unused += [f"{name_of(each)}: zero throughout: it drives nothing" for each in zero]
+    return [each for each in found if each not in zero]
 
 
 def asked_of_effort(effort: NamedBlock, position: NamedBlock, may_be_currents: bool) -> str:

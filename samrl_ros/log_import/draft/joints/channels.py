@@ -18,7 +18,12 @@ from samrl_ros.log_import.draft.joints.arm_messages import (
     is_unitree,
     universal_robots,
 )
-from samrl_ros.log_import.draft.joints.asked_efforts import asked_of_effort, say_how_used, without_held
+from samrl_ros.log_import.draft.joints.asked_efforts import (
+    asked_of_effort,
+    say_how_used,
+    without_held,
+    without_zeros,
+)
 from samrl_ros.log_import.draft.joints.commanded import rate_of_command, says_unit, unit_of_command
 from samrl_ros.log_import.draft.joints.motor_input import (
     add_motor_current,
@@ -262,6 +267,7 @@ def add_effort(
         draft.note("channels.commanded_effort.effort", "as stated: nothing drives the joints")
         draft.channels["commanded_effort"] = {"source": "states", "effort": [0.0] * len(order)}
         return []
+    found = without_zeros(found, draft)
     currents = [c for c in found if c.meaning.quantity in ("current", "voltage", "pressure")]
     measured = beside(found, position, order, "effort") or _elsewhere(found, position, order)
     measured = without_held(measured, position, draft)
@@ -382,6 +388,8 @@ def _add_commanded_effort(
         return None
     unit, is_told = _torque_unit(best)
     question = "" if is_told else f"is {name_of(best)} in N m, at the joints, with gravity's share?"
+    if rivals := [name_of(each) for each in there[1:] if each.block.labels == best.block.labels]:
+        question = f"{question} Is it what the drives were asked for, and not {' or '.join(rivals)}?".strip()
     reason = f"{name_of(best)}: the name says a commanded torque"
     draft.note("channels.commanded_effort.effort", reason, question, "torque_unit")
     quantity = quantity_of(best, order, unit, draft, "states")

@@ -76,6 +76,11 @@ def velocity_unit(position_unit: str, fit: RateFit) -> str:
     return ""
 
 
+def ratio_of(position_unit: str, velocity_unit: str) -> float | None:
+    """How many of a position's unit per second a unit of velocity is; None where they differ in kind."""
+    return _RATIOS.get((position_unit, velocity_unit))
+
+
 def in_other_units(position_unit: str, fit: RateFit, of: str = "the position") -> str:
     """Units of a velocity by those that its position may have instead; empty where none fits."""
     others = dict.fromkeys(one for one, _ in _RATIOS if one != position_unit)

@@ -17,7 +17,7 @@ from typing import Any
 from samrl_core.common.errors import InputError
 from samrl_ros.log_import.draft.echoed_messages import echoed_names
 from samrl_ros.log_import.formats.encoding import decoded_text
-from samrl_ros.log_import.formats.header_lines import count_name_lines
+from samrl_ros.log_import.formats.header_lines import count_name_lines, repeated_key
 from samrl_ros.log_import.formats.name_value import find_pairs
 from samrl_ros.log_import.formats.text import is_known_export
 from samrl_ros.log_import.specs import CsvOptions
@@ -28,6 +28,10 @@ _HEAD = 60  # lines that are looked at
 _COMMENTS = ("#", "%", "//")
 _DELIMITERS = (",", ";", "\t", " ")
 _NUMBER = re.compile(NUMBER, re.IGNORECASE)
+_UNIT_KEYS = frozenset("unit units".split())
+_TYPES = frozenset(
+    "double single float float32 float64 int int32 int64 uint8 uint16 uint32 bool boolean".split()
+)
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 _ENOUGH = 0.5  # of a row's cells that are numbers
 _FEW = 3  # rows that show how a file is written
@@ -103,6 +107,8 @@ def _options(lines: Sequence[str], tab: bool) -> CsvOptions | None:
     names: list[str] = []
     for k in reversed(above):
         cells = _split(lines[k].lstrip("#%/ "), delimiter)
+        if repeated_key(cells):
+            continue
         if len(cells) == width and any(cells) and len(set(cells)) == width:
             names = [cell.strip().strip('"') for cell in cells]
             break
@@ -221,10 +227,19 @@ def _mended_names(line: str, rows: Sequence[str], delimiter: str, width: int) ->
 
 
 def _units_row(between: Sequence[str], delimiter: str, width: int) -> list[str]:
-    """Units that stand in a row of their own between the names and the data; empty where there is none."""
+    """Units that stand in a row of their own between the names and the data; empty where there is none.
+
+    Simulink's Data Inspector writes rows of `Type: double`, `Unit: deg` and more: each cell repeats its key.
+    """
     for line in between:
         cells = [cell.strip().strip('"[]()') for cell in _split(line, delimiter)]
-        if len(cells) == width and any(cells) and not any(_NUMBER.fullmatch(cell) for cell in cells):
+        filled = [cell for cell in cells if cell]
+        if len(cells) != width or not filled or any(map(_NUMBER.fullmatch, filled)):
+            continue
+        if key := repeated_key(cells):
+            if key.lower() in _UNIT_KEYS:
+                return [cell.partition(": ")[2].strip() for cell in cells]
+        elif not _TYPES.issuperset(filled):
             return cells
     return [""] * width
 

@@ -43,12 +43,22 @@ def count_name_lines(above: Sequence[Sequence[str]], width: int) -> int:
     """
     found: list[list[str]] = []
     for cells in reversed(above[-_MOST:]):
-        if len(cells) != width or holds_row(cells) or not any(cells):
+        if len(cells) != width or holds_row(cells) or not any(cells) or repeated_key(cells):
             break
         found.insert(0, _known(cells))
     while len(found) > 1 and not _are_names(found):
         found.pop(0)
     return len(found) if len(found) > 1 else 0
+
+
+def repeated_key(cells: Sequence[str]) -> str:
+    """The key that every filled cell of a line repeats, as `Unit` in `,Unit: deg,Unit: V`; else empty.
+
+    Simulink's Data Inspector writes types, units, interpolation and more so below the names.
+    """
+    parted = [cell.partition(": ") for cell in cells if cell.strip()]
+    keys = {key.strip() for key, _, _ in parted}
+    return keys.pop() if len(keys) == 1 and all(mark for _, mark, _ in parted) else ""
 
 
 def holds_row(cells: Sequence[str]) -> bool:

@@ -123,3 +123,39 @@ def test_a_torque_that_is_zero_throughout_drives_nothing(tmp_path: Path) -> None
 def test_which_of_two_commanded_torques_is_asked(tmp_path: Path) -> None:
     draft = controllers_log(tmp_path / "a.csv", tau_des=1.9 * TURNED, tau_con=2.1 * TURNED)
     assert "and not a.csv: tau_con?" in questions_of(draft, "channels.commanded_effort.effort")
+
+
+TWO = """<robot name="w"><link name="base"/><link name="rod_link"/><link name="disc"/>
+<joint name="rod" type="continuous"><parent link="base"/><child link="rod_link"/><axis xyz="0 1 0"/></joint>
+<joint name="wheel" type="continuous"><parent link="rod_link"/><child link="disc"/><axis xyz="0 1 0"/></joint>
+</robot>"""
+
+
+def test_a_wheels_speed_alone_is_told_with_its_formula(tmp_path: Path) -> None:
+    """It was called `n_{}[rpm]`, and the question was of ['']."""
+    columns = {"t[ms]": 1e3 * TIME, "phi[deg]": 40.0 * WAVE, "phi_dot[deg/s]": 80.0 * TURNED}
+    log = write(tmp_path / "a.csv", **columns, **{"n_wheel[rpm]": 300.0 * WAVE, "i_mot[mA]": 900.0 * TURNED})
+    draft = draft_any([log], TWO, "w.urdf")
+    assert "the log has a.csv: phi[deg], the URDF moves rod, wheel" in questions_of(draft, "joints")
+    (told,) = [each for each in draft.unused if "n_wheel[rpm]" in each]
+    assert "a speed without a position" in told and "6 * integral(x, time)" in told and "(deg)" in told
+
+
+def test_rows_of_units_that_repeat_their_key(tmp_path: Path) -> None:
+    """Simulink's Data Inspector: `theta_arm [Type: double]` was a name, and its unit was lost."""
+    names = ["time", "theta_arm", "theta_dot", "Vm"]
+    above = [",".join(names)]
+    above += [",Type: double,Type: double,Type: double", ",Unit: deg,Unit: deg/s,Unit: V"]
+    above += [",Interp: linear,Interp: linear,Interp: zoh"]
+    log = write(tmp_path / "a.csv", a=TIME, b=40.0 * WAVE, c=80.0 * TURNED, d=3.0 * TURNED)
+    log.write_text("\n".join([*above, *log.read_text().splitlines()[1:]]))
+    draft = draft_any([log], None, None)
+    assert draft.sources["states"]["csv"]["header"] == [
+        "time",
+        "theta_arm [deg]",
+        "theta_dot [deg/s]",
+        "Vm [V]",
+    ]
+    assert draft.channels["states"]["position"]["unit"] == "deg"
+    assert draft.channels["states"]["velocity"]["unit"] == "deg/s"
+    assert draft.channels["commanded_effort"]["effort"]["unit"] == "V"

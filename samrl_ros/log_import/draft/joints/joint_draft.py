@@ -49,7 +49,7 @@ from samrl_ros.log_import.draft.joints.run_files import (
     runs_alike,
 )
 from samrl_ros.log_import.draft.joints.sliding_joints import set_sliding_units
-from samrl_ros.log_import.draft.joints.speed_alone import integrate_speeds
+from samrl_ros.log_import.draft.joints.speed_alone import integrate_speeds, say_integral
 from samrl_ros.log_import.draft.joints.told_by_model import (
     is_reversed,
     is_without_gravity,
@@ -164,7 +164,9 @@ def draft_mapping(
     for each in found:
         name, is_used = name_of(each), any(each.block is one.block for one in used)
         if not is_used and not any(line.startswith(f"{name}: ") for line in draft.unused):
-            draft.unused.append(name)
+            told = say_integral(each, unit, draft) if len(joints) > len(order) else ""
+            draft.unused.append(name + told)
+            draft.would_tell += [name + told] if told else []
     if runs:
         for source in draft.sources.values():
             source["file"] = runs[0].pattern
@@ -368,8 +370,8 @@ def _joints(position: NamedBlock, joints: Sequence[str], urdf: str | None, draft
         draft.note(
             "joints",
             "the log's names",
-            f"the log has {list(labels)}, the URDF moves {list(joints)}: which is which? Take the"
-            " URDF's names",
+            f"the log has {', '.join(label or name_of(position) for label in labels)}, the URDF moves"
+            f" {', '.join(joints)}: which is which? Take the URDF's names",
         )
         return list(labels)
     draft.joints = [_joint_name(label, k) for k, label in enumerate(labels)]

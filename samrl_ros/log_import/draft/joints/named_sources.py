@@ -31,10 +31,11 @@ class NamedBlock:
 
 
 def name_of(each: NamedBlock) -> str:
-    """How messages name a block: topic or file, and column."""
+    """How messages name a block: topic or file, and column, of several their common form."""
     place = f"{each.part.part}: " if each.part.part else ""
     file = "" if each.part.part else f"{each.part.path.name}: "
-    return f"{file}{place}{each.block.stem}"
+    columns = each.block.columns
+    return f"{file}{place}{each.block.stem if len(columns) > 1 else columns[0]}"
 
 
 def shares_rows(one: NamedBlock, other: NamedBlock) -> bool:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from samrl_ros.log_import.draft import evidence
 from samrl_ros.log_import.draft.column_names import words_in
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.joints.named_sources import NamedBlock, name_of, quantity_of
@@ -66,6 +67,30 @@ def integrate_speeds(
         }  # fmt: skip
         used.append(commanded[0])
     return position, place, used
+
+
+def say_integral(each: NamedBlock, unit: str, draft: Draft) -> str:
+    """What makes a joint of an unused column that is a speed, as a wheel's; empty of any other.
+
+    Args:
+        each: block of the log that went nowhere.
+        unit: of the positions beside it, as formulas of one quantity have one unit.
+        draft: whose reasons say of which speeds a position was found.
+    """
+    told, name = each.meaning, name_of(each)
+    if told.quantity != "velocity" or told.commanded or told.computed or len(each.block.columns) != 1:
+        return ""
+    if any(name in guess.reason for guess in draft.guesses):
+        return ""
+    words = words_in(each.block.stem)
+    own = next((one for one in ("rpm", "rad", "deg", "mm") if one in words), "")
+    ratio = evidence.ratio_of(unit, own if own == "rpm" else f"{own}/s")
+    factor = f"{ratio:.6g} * " if ratio is not None and ratio != 1.0 else ""
+    return (
+        f": a speed without a position. If it is a joint's, add that to `joints`, {factor}integral(x, time)"
+        f" to the formulas of the position ({unit}) and {factor}x to those of the velocity"
+        f"{'' if ratio is not None else ', both in its units'}, x being this column"
+    )
 
 
 def _integrals(formulas: Sequence[str], unit: str, count: float) -> dict[str, object]:

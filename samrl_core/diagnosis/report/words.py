@@ -18,6 +18,7 @@ VERDICT_LABEL = {
     "not_testable": "Not testable",
 }
 
+LOPSIDED = 1.5  # one arm of an interval by the other, from which on `±` would not be the interval
 LEAST_CHANCE = 0.001  # that is told apart from none
 QUANTITY = {"commanded_effort": "commanded effort"}
 
@@ -56,16 +57,42 @@ def effect(name: str) -> str:
 
 
 def parameter(estimate: ParameterEstimate) -> str:
-    """Value with half its 95 % interval and unit, to the digits that the interval supports."""
-    by, unit = _scale(estimate)
-    value, half = by * estimate.value, by * (estimate.ci95[1] - estimate.ci95[0]) / 2
+    """Value with its 95 % interval and unit, to the digits that the interval supports.
+
+    Half the interval behind `±` where the value stands in its middle; both ends where it does not.
+    """
+    unit = _scale(estimate)[1]
     unit = f" {unit}" if unit else ""
+    return f"{_figure(estimate)}{_spread(estimate)}{unit}"
+
+
+def _figure(estimate: ParameterEstimate) -> str:
+    """The value without its unit."""
+    by, half = _scale(estimate)[0], _half_width(estimate)
+    value = by * estimate.value
     if not (math.isfinite(half) and half > 0):
-        return f"{number(value)}{unit}"
-    digits = _decimals(half, 2)
-    if digits > 6 or abs(value) >= 1e6:
-        return f"{value:.3g} ± {half:.2g}{unit}"
-    return f"{value:.{max(digits, 0)}f} ± {half:.{max(digits, 0)}f}{unit}"
+        return number(value)
+    if _decimals(half, 2) > 6 or abs(value) >= 1e6:
+        return f"{value:.3g}"
+    return f"{value:.{max(_decimals(half, 2), 0)}f}"
+
+
+def _spread(estimate: ParameterEstimate) -> str:
+    """What stands behind the value: ` ± 0.031`, or ` [0.006, 0.060]`; nothing where no interval is."""
+    half = _half_width(estimate)
+    if not (math.isfinite(half) and half > 0):
+        return ""
+    low, high = estimate.value - estimate.ci95[0], estimate.ci95[1] - estimate.value
+    if max(low, high) > LOPSIDED * min(low, high):  # so is a value outside its interval
+        return f" {interval(estimate)}"
+    if _decimals(half, 2) > 6 or abs(_scale(estimate)[0] * estimate.value) >= 1e6:
+        return f" ± {half:.2g}"
+    return f" ± {half:.{max(_decimals(half, 2), 0)}f}"
+
+
+def _half_width(estimate: ParameterEstimate) -> float:
+    """Half the interval, in the unit that is shown."""
+    return _scale(estimate)[0] * (estimate.ci95[1] - estimate.ci95[0]) / 2
 
 
 def _scale(estimate: ParameterEstimate) -> tuple[float, str]:
@@ -77,8 +104,7 @@ def _scale(estimate: ParameterEstimate) -> tuple[float, str]:
 
 def value(estimate: ParameterEstimate) -> str:
     """The value alone with its unit, to the digits that the interval supports."""
-    unit = f" {_scale(estimate)[1]}"
-    return parameter(estimate).partition(" ± ")[0].removesuffix(unit) + unit.rstrip()
+    return f"{_figure(estimate)} {_scale(estimate)[1]}".rstrip()
 
 
 def interval(estimate: ParameterEstimate) -> str:

@@ -189,10 +189,17 @@ def test_a_size_that_was_asked_for_is_shown() -> None:
         (ParameterEstimate(2e-4, "1", (1.993e-4, 2.007e-4)), "200.00 ± 0.70 ppm"),
         (ParameterEstimate(2.0, "1", (float("-inf"), float("inf"))), "2"),
         (ParameterEstimate(2.0, "s", (float("-inf"), float("inf"))), "2 s"),
+        # A load at the edge of what is possible was `0.007 ± 0.027`, a negative mass.
+        (ParameterEstimate(0.007, "kg", (0.006, 0.060)), "0.007 [0.006, 0.060] kg"),
+        (ParameterEstimate(0.39, "1", (0.1, 0.41)), "0.39 [0.10, 0.41]"),
+        (ParameterEstimate(0.05, "s", (0.1, 0.3)), "0.05 [0.10, 0.30] s"),
+        (ParameterEstimate(5e6, "N/m", (4.9e6, 6e6)), "5e+06 [4900000, 6000000] N/m"),
     ],
 )
 def test_digits_follow_the_interval(estimate: ParameterEstimate, shown: str) -> None:
     assert words.parameter(estimate) == shown
+    number, unit = shown.split()[0], words.symbol(estimate.unit)
+    assert words.value(estimate) in (f"{number} {unit}".rstrip(), f"{number} ppm")
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from scipy.io import savemat
 
 from samrl_ros.log_import.draft.any_draft import draft_any
 from samrl_ros.log_import.draft.column_names import is_time, meaning
@@ -15,6 +16,8 @@ from samrl_ros.log_import.draft.joints.motor_input import TORQUE_CONSTANT
 from samrl_ros.log_import.foreign import read_runs
 from samrl_ros.log_import.importer import import_recording
 from samrl_ros.log_import.mapping import parse_mapping
+from samrl_ros.log_import.specs import CsvOptions
+from samrl_ros.log_import.tables import read_table
 
 TIME = np.arange(0.0, 6.0, 0.01)
 WAVE, TURNED = np.sin(2.0 * TIME), np.cos(2.0 * TIME)
@@ -159,3 +162,23 @@ def test_rows_of_units_that_repeat_their_key(tmp_path: Path) -> None:
     assert draft.channels["states"]["position"]["unit"] == "deg"
     assert draft.channels["states"]["velocity"]["unit"] == "deg/s"
     assert draft.channels["commanded_effort"]["effort"]["unit"] == "V"
+
+
+def control_desk(path: Path, signals: list[tuple[str, str, np.ndarray]]) -> Path:
+    """As dSPACE ControlDesk exports a measurement: a struct called as the file is."""
+    kind = [(part, object) for part in ("Name", "Unit", "Data")]
+    made = [np.array([each], dtype=kind) for each in (("Time", "s", TIME[None]), *signals)]
+    savemat(path, {path.stem: {"X": made[0], "Y": np.concatenate(made[1:])}})
+    return path
+
+
+def test_signals_of_control_desk_are_called_as_the_file_names_them(tmp_path: Path) -> None:
+    """They were `run1.Y(1).Data`, and the draft was refused."""
+    signals = [("theta", "rad", WAVE[None]), ("omega", "rad/s", 2.0 * TURNED[None]), ("k", "-", TIME[None])]
+    logs = [control_desk(tmp_path / f"run{k}.mat", signals) for k in (1, 2)]
+    draft = draft_any(logs, None, None)
+    assert draft.sources["states"]["time"] == {"column": "Time [s]", "unit": "s"}
+    assert set(draft.sources["states"]["columns"].values()) == {"theta [rad]", "omega [rad/s]"}
+    assert [each["name"] for each in draft.recordings] == ["run1", "run2"]
+    twice = control_desk(tmp_path / "run3.mat", [*signals, *signals])
+    assert "run3.Y(1).Data" in read_table(twice, CsvOptions(), "log").columns

@@ -95,6 +95,21 @@ def lacks_drive_torque(trial: Trial) -> str | None:
     return None
 
 
+def lacks_law(trial: Trial, otherwise: str) -> str:
+    """What a recording lacks to show what a controller does; `otherwise` where command and law are there."""
+    controller = trial.recording.arm.controller
+    if trial.recording.command is None:
+        return otherwise
+    if controller is None:
+        return "needs a described controller: the command is there, the law that follows it is not"
+    if controller.law.open_loop:
+        return (
+            f"needs a law that follows the command: `{controller.kind}` is a motor without a loop, driven by"
+            " the recorded commanded effort"
+        )
+    return otherwise
+
+
 def too_slow_for_torques(trial: Trial) -> str:
     """Why torques were recorded, and are compared with nothing; empty where they are, or there are none."""
     motion = trial.motion

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from samrl_core.diagnosis.effects.drive_torque import track_joints
-from samrl_core.diagnosis.effects.effect import Effect, Parameter
+from samrl_core.diagnosis.effects.effect import Effect, Parameter, lacks_law
 from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, PresentForm, Shape
 from samrl_core.diagnosis.residuals.equations import TIMING_RATE_HZ, Columns
 from samrl_core.diagnosis.residuals.laws.follow_command import sure_part
@@ -44,7 +44,7 @@ class ControllerGain(Effect):
             return None
         if trial.shows_controller:
             return None
-        return "needs the command, the described controller, and what came of it"
+        return lacks_law(trial, "needs the command, the described controller, and what came of it")
 
     def forms(self, trial: Trial, place: Place) -> tuple[Form, ...]:
         if "tracking" in trial.channels:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from samrl_core.diagnosis.effects.effect import Effect, Parameter
+from samrl_core.diagnosis.effects.effect import Effect, Parameter, lacks_law
 from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, PresentForm, Shape
 from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.trial import Trial, add
@@ -33,7 +33,7 @@ class DeadBand(Effect):
         """Needs a described position loop."""
         controller = trial.recording.arm.controller
         if not trial.shows_controller or controller is None:
-            return "needs the command, the described controller, and what came of it"
+            return lacks_law(trial, "needs the command, the described controller, and what came of it")
         if not np.any(controller.stiffness > 0) or np.any(np.asarray(controller.law.pole_pitch) > 0):
             return "the described controller has no position loop"
         return None

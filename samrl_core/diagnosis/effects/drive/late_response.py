@@ -10,7 +10,7 @@ import numpy as np
 
 from samrl_core.cell.types.arm_recording import JointSignal
 from samrl_core.diagnosis.effects.drive.packet_age import detail_share, detail_support
-from samrl_core.diagnosis.effects.effect import Effect
+from samrl_core.diagnosis.effects.effect import Effect, lacks_law
 from samrl_core.diagnosis.effects.form import PresentForm, Shape
 from samrl_core.diagnosis.residuals.basis_functions import low_passed, resonant
 from samrl_core.diagnosis.residuals.equations import LATEST_IN_LAW_S, Columns
@@ -38,7 +38,7 @@ class LateResponse(Effect):
         if not trial.motion.dynamic and trial.motion.rate < 20.0:
             return f"sampled at {trial.motion.rate:.0f} Hz, timing needs 20 Hz"
         if set(trial.channels) <= {"link", "dynamics"} and not trial.shows_controller:
-            return "needs the command, or both commanded and measured effort"
+            return lacks_law(trial, "needs the command, or both commanded and measured effort")
         return None
 
 

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from samrl_core.diagnosis.effects.drive.packet_age import HELD, Age, ages
-from samrl_core.diagnosis.effects.effect import Effect, Parameter
+from samrl_core.diagnosis.effects.effect import Effect, Parameter, lacks_law
 from samrl_core.diagnosis.effects.form import Form, Place, PresentForm, Shape
 from samrl_core.diagnosis.residuals.equations import Columns
 from samrl_core.diagnosis.residuals.trial import Trial, add
@@ -47,7 +47,7 @@ class PacketJitter(Effect):
 
     def why_unobservable(self, trial: Trial) -> str | None:
         if not ({"controller", "drive"} & set(trial.channels)):
-            return "needs commanded and measured effort, or the command"
+            return lacks_law(trial, "needs commanded and measured effort, or the command")
         return (
             None
             if trial.motion.rate > 200.0

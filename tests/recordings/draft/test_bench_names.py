@@ -182,3 +182,23 @@ def test_signals_of_control_desk_are_called_as_the_file_names_them(tmp_path: Pat
     assert [each["name"] for each in draft.recordings] == ["run1", "run2"]
     twice = control_desk(tmp_path / "run3.mat", [*signals, *signals])
     assert "run3.Y(1).Data" in read_table(twice, CsvOptions(), "log").columns
+
+
+@pytest.mark.parametrize("names", [("theta_rod", "phi_whe"), ("theta_rod", "phi_wheel")])
+def test_columns_with_letters_of_their_own_are_joints_of_one_kind(
+    names: tuple[str, str], tmp_path: Path
+) -> None:
+    """Only the first was a position, and the other was left out."""
+    columns = {"time": TIME, names[0]: 40.0 * WAVE, names[1]: 30.0 * TURNED}
+    rates = {"theta_dot": 80.0 * TURNED, "phi_dot": -60.0 * WAVE}
+    log = write(tmp_path / "a.csv", **columns, **rates, Vm=3.0 * TURNED, theta_ref=41.0 * WAVE)
+    draft = draft_any([log], TWO, "w.urdf")
+    if names[1] == "phi_whe":  # three letters may be another word's
+        assert draft.joints == ["rod"]
+        return
+    told, states = draft.sources["states"]["columns"], draft.channels["states"]
+    assert draft.joints == ["rod", "wheel"]
+    assert [told[name] for name in states["position"]["formula"]] == list(names)
+    assert [told[name] for name in states["velocity"]["formula"]] == list(rates)
+    assert "theta_rod is rod, phi_wheel is wheel?" in questions_of(draft, "joints")
+    assert "does a.csv: Vm drive rod, and nothing wheel" in questions_of(draft, "controller")

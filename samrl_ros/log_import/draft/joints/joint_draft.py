@@ -33,6 +33,7 @@ from samrl_ros.log_import.draft.joints.named_blocks import (
     without_relative,
     without_tool,
 )
+from samrl_ros.log_import.draft.joints.named_by_word import group_by_word
 from samrl_ros.log_import.draft.joints.named_sources import (
     NamedBlock,
     add_source,
@@ -118,7 +119,7 @@ def draft_mapping(
     ]
     found = read_letters(name_joints(found, draft), draft)
     found = as_input_and_output(without_relative(without_tool(found, draft), draft))
-    found = split_supply(split_matrix(found, joints, draft))
+    found = group_by_word(split_supply(split_matrix(found, joints, draft)), joints, draft)
     position = _measured_position(found, joints, draft)
     order = _joints(position, joints, urdf, draft)
     found = [label_by_name(each, order) for each in found]

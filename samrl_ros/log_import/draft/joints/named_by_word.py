@@ -1,0 +1,140 @@
+"""Columns that name their joints by a word: `theta_arm` and `alpha_pend` of `arm` and `pendulum`.
+
+Each has a letter of its own, so that no part of their names is alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from samrl_ros.log_import.draft.column_names import meaning, words_in
+from samrl_ros.log_import.draft.guess import Draft
+from samrl_ros.log_import.draft.joints.named_sources import NamedBlock
+
+_LETTERS = frozenset("alpha beta gamma phi psi theta q".split())  # of angles
+_RATES = frozenset(("dot", "ddot"))
+_UNITS = frozenset("rad deg mm".split())
+_NO_NAMES = frozenset("joint joints link".split())
+_SHORTENED = 4  # letters from which the beginning of a joint's name stands for it: pend
+
+
+def group_by_word(found: list[NamedBlock], joints: Sequence[str], draft: Draft) -> list[NamedBlock]:
+    """Positions, and their speeds, of which each names another joint by a word, as one block each.
+
+    Only where every joint of the description has one such position, in the same rows and unit, and no block
+    holds them all already. Which is which is asked for.
+
+    Args:
+        found: blocks of the log.
+        joints: of the robot's description.
+        draft: to which reason and question are added.
+    """
+    known = any(set(joints) <= set(each.block.labels) for each in found)
+    if len(joints) < 2 or known or any(each.part.kind for each in found):
+        return found
+    singles = [one for each in found for one in _columns_of(each)]
+    places = [one for one in singles if _is_angle(one)]
+    positions = _one_each([[one for one in places if _names(one, joints) == [joint]] for joint in joints])
+    if not positions:
+        return found
+    first = [words_in(one.block.stem)[0] for one in positions]
+    speeds = [one for one in singles if _is_speed(one)]
+    rates = _one_each(
+        [
+            [one for one in speeds if _names(one, joints) == [joint] or words_in(one.block.stem)[0] == letter]
+            for joint, letter in zip(joints, first, strict=True)
+        ]
+    )
+    said = ", ".join(f"{one.block.stem} is {joint}" for one, joint in zip(positions, joints, strict=True))
+    draft.note("joints", "columns name them by a word", f"is each whose it seems to be, {said}?", "order")
+    taken = {one.block.columns[0] for one in (*positions, *rates)}
+    kept: list[NamedBlock] = []
+    for each in found:
+        whole = taken.isdisjoint(each.block.columns)
+        kept += [each] if whole else [o for o in _columns_of(each) if o.block.columns[0] not in taken]
+    return [
+        _joined(positions, joints, "position"),
+        *([_joined(rates, joints, "velocity")] if rates else []),
+        *kept,
+    ]
+
+
+def _columns_of(each: NamedBlock) -> list[NamedBlock]:
+    """A block's columns apart; none of an array."""
+    block = each.block
+    if len(block.columns) != len(block.labels):
+        return []
+    return [
+        replace(
+            each,
+            block=replace(block, stem=name, labels=("",), columns=(name,), values=block.values[:, [k]]),
+            meaning=meaning(name),
+        )
+        for k, name in enumerate(block.columns)
+    ]
+
+
+def _is_measured(one: NamedBlock) -> bool:
+    return not one.meaning.commanded and not one.meaning.computed
+
+
+def _is_angle(one: NamedBlock) -> bool:
+    """Whether a column may be a joint's position: by its quantity, unit or letter."""
+    told = one.meaning
+    named = bool(told.unit in _UNITS or _LETTERS & set(words_in(one.block.stem)))
+    may_be = told.quantity == "position" or (not told.quantity and named)
+    return (
+        may_be
+        and _RATES.isdisjoint(words_in(one.block.stem))
+        and _is_measured(one)
+        and bool(np.ptp(one.block.values) > 0.0)
+    )
+
+
+def _is_speed(one: NamedBlock) -> bool:
+    """Whether a column may be a joint's speed: `alpha_dot`."""
+    told, words = one.meaning, set(words_in(one.block.stem))
+    dotted = not told.quantity and "dot" in words and bool(_LETTERS & words)
+    return (told.quantity == "velocity" or dotted) and _is_measured(one)
+
+
+def _names(one: NamedBlock, joints: Sequence[str]) -> list[str]:
+    """Joints that a word of a column's name is of."""
+    words = words_in(one.block.stem)
+    return [joint for joint in joints if any(_stands_for(word, joint) for word in words)]
+
+
+def _stands_for(word: str, joint: str) -> bool:
+    own = [each for each in words_in(joint) if each not in _NO_NAMES and not each.isdecimal()]
+    return any(word == each or (len(word) >= _SHORTENED and each.startswith(word)) for each in own)
+
+
+def _one_each(candidates: Sequence[Sequence[NamedBlock]]) -> list[NamedBlock]:
+    """The one candidate of each joint; none where one has none or several, or rows or units differ."""
+    if any(len(each) != 1 for each in candidates):
+        return []
+    found = [each[0] for each in candidates]
+    head = found[0]
+    alike = all(
+        one.part is head.part
+        and one.meaning.unit == head.meaning.unit
+        and np.array_equal(one.block.rows, head.block.rows)
+        for one in found
+    )
+    return found if alike and len({one.block.columns for one in found}) == len(found) else []
+
+
+def _joined(columns: Sequence[NamedBlock], joints: Sequence[str], quantity: str) -> NamedBlock:
+    """Columns as one block, labelled as the joints are."""
+    head = columns[0]
+    block = replace(
+        head.block,
+        stem=", ".join(one.block.stem for one in columns),
+        labels=tuple(joints),
+        columns=tuple(one.block.columns[0] for one in columns),
+        values=np.hstack([one.block.values for one in columns]),
+    )
+    return replace(head, block=block, meaning=replace(head.meaning, quantity=quantity))

@@ -256,7 +256,8 @@ def _conclude(
     if outcome.verdict == "no_gap":
         needed = _needed_evidence(selection, outcome, settings.verdict)
         sooner = kind.show_sooner(evidence, selection.pool, needed)
-        outcome = replace(outcome, reasons=(*outcome.reasons, *sooner))
+        off = rules.moves_off(far.gap, settings.verdict)
+        outcome = replace(outcome, reasons=(*outcome.reasons, *off, *sooner))
     effects = named if outcome.verdict in NAMING else ()
     if effects and chosen is not None:
         outcome = replace(outcome, reasons=(*outcome.reasons, *say_when_others_began(chosen)))

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 VERDICTS = ("no_gap", "effect", "ambiguous", "none_of_mine", "not_testable")
+IN_TOLERANCES = "in tolerances"  # how a metric ends that counts in what a machine's motion may be off by
 GAPS = ("effect", "ambiguous", "none_of_mine")  # verdicts by which machine and model differ
 PHASES = ("rest", "reversal", "slow", "fast")
 
@@ -148,6 +149,11 @@ class HeldOutGap:
     margin: float | None  # shrink minus the runner-up's
     channels: tuple[tuple[str, str, float, float | None], ...] = ()  # (quantity, unit, nominal, with effect)
     recordings: tuple[str, ...] = ()
+
+    @property
+    def in_tolerances(self) -> bool:
+        """Whether its numbers are tolerances: below 1 nothing is off."""
+        return self.metric.endswith(IN_TOLERANCES)
 
 
 @dataclass(frozen=True)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from samrl_core.cell.types.arm_description import HELD
+from samrl_core.cell.types.arm_description import HELD, LINE
 from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.effects import EFFECTS, NOT_BY_JOINTS
@@ -167,6 +168,12 @@ def _speed_notes(first: Trial) -> list[str]:
             " derivative, as the recorded torque tells; if the controller damps against zero, log a commanded"
             " velocity of zero"
         ]
+    if _holds_goals_without_speed(first.recording):
+        return [
+            "the velocity fed forward counts as zero: give the mapping's command `velocity: derivative` if"
+            " the controller knows its goals' speed, else state `velocity_feedforward: 0` (the command holds"
+            " none, and each goal is held until the next)"
+        ]
     if not infers_speed(first.recording):
         return []
     return [
@@ -174,6 +181,15 @@ def _speed_notes(first: Trial) -> list[str]:
         " derivative of the commanded position; if the controller feeds none either, state"
         " `velocity_feedforward: 0`"
     ]
+
+
+def _holds_goals_without_speed(recording: ArmRecording) -> bool:
+    """Whether a law feeds a speed forward that would be the goals' own, were they not held."""
+    controller = recording.arm.controller
+    if controller is None or controller.between_commands != HELD:
+        return False
+    in_a_line = replace(controller, between_commands=LINE)
+    return infers_speed(replace(recording, arm=replace(recording.arm, controller=in_a_line)))
 
 
 def _goal_notes(first: Trial) -> list[str]:

@@ -15,8 +15,13 @@ WIDTH = 110
 INDENT = 15
 NOT_TRACKED = " is not tracked: "  # in notes of the tracking
 OF_DESCRIPTION = ("this log fits if", "beside it ")  # an error of it, and the gap that it leaves
-OF_MOTION = "nor would it"  # shrink, were the named effect all there is
-OF_DOUBT = ("turn otherwise", "stand apart", "stand elsewhere")  # notes of poses that no verdict counts
+OF_MOTION = ("nor would it", "tolerances off")  # shrink, were the named effect all there is; without one
+OF_DOUBT = (
+    "turn otherwise",
+    "stand apart",
+    "stand elsewhere",
+    "counts as zero",
+)  # notes that no verdict counts
 
 
 def summary(diagnosis: Diagnosis, files: Sequence[str] = ()) -> list[str]:
@@ -34,7 +39,7 @@ def summary(diagnosis: Diagnosis, files: Sequence[str] = ()) -> list[str]:
     lines += [_line("beside it", _candidate(d, e.name)) for e in words.beside(d)]
     if d.gap is not None:
         lines.append(_line("how far", _how_far(d.gap, named=d.verdict != "no_gap")))
-        lines += [_line("but", reason) for reason in d.reasons if OF_MOTION in reason]
+        lines += [_line("but", reason) for reason in d.reasons if any(s in reason for s in OF_MOTION)]
     if d.verdict == "no_gap" and d.least_sizes:
         lines.append(_line("seen from", f"{in_short(d)}, each alone; less passes"))
     if d.verdict in GAPS:

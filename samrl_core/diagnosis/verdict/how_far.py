@@ -11,7 +11,7 @@ from samrl_core.diagnosis.export.correction import Correction
 from samrl_core.diagnosis.export.recalibration import Recalibration
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.residuals.trial import Trial
-from samrl_core.diagnosis.result import HeldOutGap, Overlay
+from samrl_core.diagnosis.result import IN_TOLERANCES, HeldOutGap, Overlay
 from samrl_core.diagnosis.selection.contenders import MOTION
 from samrl_core.diagnosis.selection.gap_metric import bootstrap_shrink, shrink
 from samrl_core.diagnosis.selection.hypothesis import ONSET, Evidence, Fit
@@ -131,7 +131,7 @@ def _simulated(
     windows = [window for t in trials if (window := window_s(t)) is not None]
     way = f"simulation forward over windows of {min(windows):g} s" if windows else "closed-loop re-simulation"
     held = HeldOutGap(
-        f"{way}, RMS over joints and channels in tolerances",
+        f"{way}, RMS over joints and channels {IN_TOLERANCES}",
         "1", nominal, with_effect, other,
         runner_up.hypotheses[0].name if runner_up is not None and other is not None else None, share,
         None if with_effect is None else shrink_interval(runs, "with_effect", rng),

@@ -64,6 +64,19 @@ def decide(
     return Decision("effect", (*reasons, *_why_named(selection, first, runner_ups, far, settings)))
 
 
+def moves_off(gap: HeldOutGap | None, settings: VerdictSettings) -> tuple[str, ...]:
+    """What a verdict of no gap leaves open where held-out motion is far from the simulated one, in words.
+
+    Torques may agree within noise and tolerances while a loop goes elsewhere: by a term that its law lacks.
+    """
+    if gap is None or not gap.in_tolerances or not gap.nominal > settings.seen:
+        return ()
+    return (
+        f"simulated, held-out motion is {gap.nominal:.1f} tolerances off, which shows in no torque: check the"
+        " law, what it is told, and where each recording begins",
+    )
+
+
 def _shows_nowhere(selection: Selection, far: HowFar, settings: VerdictSettings) -> bool:
     """Whether what was chosen on fitted recordings leaves no trace on the others, in residual or in motion.
 

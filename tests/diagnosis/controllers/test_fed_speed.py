@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from samrl_core.cell.types.arm_description import HELD
+from samrl_core.cell.types.arm_description import HELD, LINE
 from samrl_core.cell.types.arm_recording import ArmRecording
 from samrl_core.cell.types.controllers.impedance import JointImpedance
 from samrl_core.cell.types.controllers.servos import PositionServo, VelocityDrive
@@ -126,3 +126,13 @@ def test_held_goals_have_no_speed() -> None:
     assert made.arm.controller is not None
     held = replace(made.arm.controller, between_commands=HELD)
     assert unexplained(replace(made, arm=replace(made.arm, controller=held))) > 1.0
+
+
+@pytest.mark.parametrize(("share", "between", "said"), [(1.0, HELD, 1), (0.0, HELD, 0), (1.0, LINE, 0)])
+def test_a_speed_that_counts_as_zero_is_said(share: float, between: str, said: int) -> None:
+    """A law with a feed-forward and held goals had no gap, 9.5 tolerances off, and nothing was said of it."""
+    made = without_speed(share)
+    assert made.arm.controller is not None
+    arm = replace(made.arm, controller=replace(made.arm.controller, between_commands=between))
+    trial = Trial(replace(made, arm=arm), RigidArm(arm))
+    assert sum("counts as zero" in n and "velocity: derivative" in n for n in Arms().notes([trial])) == said

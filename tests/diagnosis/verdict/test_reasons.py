@@ -6,7 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from samrl_core.diagnosis.verdict.rules import how_it_moves
+from samrl_core.diagnosis.report.terminal import summary
+from samrl_core.diagnosis.result import IN_TOLERANCES
+from samrl_core.diagnosis.verdict.decision import VerdictSettings
+from samrl_core.diagnosis.verdict.rules import how_it_moves, moves_off
 from tests.diagnosis.report import samples
 
 
@@ -19,3 +22,18 @@ def test_a_gap_that_stays_is_no_reason_for_a_name(shrink: float, said: str) -> N
     assert gap is not None
     told = how_it_moves(replace(gap, shrink=shrink))
     assert said in told and ("something else is off" in told) == (shrink < 0.005)
+
+
+@pytest.mark.parametrize(
+    ("nominal", "metric", "said"),
+    [(9.5, IN_TOLERANCES, True), (2.9, IN_TOLERANCES, False), (9.5, "position error", False)],
+)
+def test_no_gap_of_torques_says_that_motion_is_off(nominal: float, metric: str, said: bool) -> None:
+    """ "Model and machine agree" stood beside 9.5 tolerances, and no reason spoke of them."""
+    d = samples.diagnosis("no_gap")
+    assert d.gap is not None
+    gap = replace(d.gap, nominal=nominal, metric=metric)
+    off = moves_off(gap, VerdictSettings())
+    assert bool(off) == said and moves_off(None, VerdictSettings()) == ()
+    lines = " ".join(summary(replace(d, gap=gap, reasons=(*d.reasons, *off))))
+    assert ("9.5 tolerances off" in lines) == said

@@ -43,6 +43,7 @@ from samrl_core.diagnosis.verdict import rules
 from samrl_core.diagnosis.verdict.how_far import HowFar
 from samrl_core.diagnosis.verdict.judge import Judge
 from samrl_core.diagnosis.verdict.least_sizes import least_sizes
+from samrl_core.diagnosis.verdict.missed_motion import moves_off
 
 Progress = Callable[[str], None]
 NAMING = ("effect", "ambiguous")  # verdicts that name effects
@@ -256,7 +257,7 @@ def _conclude(
     if outcome.verdict == "no_gap":
         needed = _needed_evidence(selection, outcome, settings.verdict)
         sooner = kind.show_sooner(evidence, selection.pool, needed)
-        off = rules.moves_off(far.gap, settings.verdict)
+        off = moves_off(far.gap, settings.verdict)
         outcome = replace(outcome, reasons=(*outcome.reasons, *off, *sooner))
     effects = named if outcome.verdict in NAMING else ()
     if effects and chosen is not None:

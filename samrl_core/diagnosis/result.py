@@ -155,6 +155,11 @@ class HeldOutGap:
         """Whether its numbers are tolerances: below 1 nothing is off."""
         return self.metric.endswith(IN_TOLERANCES)
 
+    @property
+    def ends_within(self) -> bool:
+        """Whether what the effect leaves is within tolerance: machines in order are off by as much."""
+        return self.in_tolerances and self.with_effect is not None and self.with_effect < 1.0
+
 
 @dataclass(frozen=True)
 class NextExperiment:

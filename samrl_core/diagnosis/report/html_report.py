@@ -39,7 +39,7 @@ from samrl_core.diagnosis.report.figures import (
     timeline_figure,
 )
 from samrl_core.diagnosis.report.seen_from import seen_from
-from samrl_core.diagnosis.result import Curve, Diagnosis, Heatmap, Overlay, Signature, Timeline
+from samrl_core.diagnosis.result import Curve, Diagnosis, Heatmap, HeldOutGap, Overlay, Signature, Timeline
 
 TEMPLATES = Path(__file__).parent / "templates"
 DISAGREE = 0.2  # of the size: measures further apart than this are remarked on
@@ -117,7 +117,7 @@ def to_html(diagnosis: Diagnosis, picture: bytes | None = None) -> str:
             timeline_json=lambda timeline: _timeline(timeline, named, d.heatmap),
             untested=_by_reason(d),
             fraction_left=left,
-            reading=_two_measures(d.gap.shrink, left) if d.gap is not None and left is not None else "",
+            reading=_two_measures(d.gap, left) if d.gap is not None and left is not None else "",
             settings=json.dumps(d.settings, indent=1, ensure_ascii=False, default=str),
             library=packed_plotly(),
             **_overlays(d),
@@ -182,11 +182,13 @@ def _size_left(d: Diagnosis) -> float | None:
     return math.sqrt(d.unexplained_fraction) if d.unexplained_fraction >= 0 else None
 
 
-def _two_measures(shrink: float | None, left: float) -> str:
+def _two_measures(gap: HeldOutGap, left: float) -> str:
     """What it means that both measures agree, or do not."""
-    if shrink is None:
+    if gap.shrink is None:
         return ""
-    kept = 1 - shrink
+    if gap.ends_within:
+        return "What is left of the held-out gap is within tolerance: machines in order are off by as much."
+    kept = 1 - gap.shrink
     if kept > left + DISAGREE:
         return (
             "The effect explains the residual better than it mends the simulation: what is left is small at "

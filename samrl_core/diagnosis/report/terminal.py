@@ -49,8 +49,9 @@ def summary(diagnosis: Diagnosis, files: Sequence[str] = ()) -> list[str]:
         ]
         noun = "effects" if len(d.effects) > 1 else "effect"
         # Fitted samples beyond noise and tolerances; motion that was never fitted. Neither says the other.
-        kept = None if d.gap is None or d.gap.shrink is None else words.percent(1.0 - d.gap.shrink)
-        other = "" if kept is None else f", {kept} of the held-out gap"
+        other = ""
+        if d.gap is not None and d.gap.shrink is not None:
+            other = f", {words.say_kept(d.gap)} of the held-out gap"
         text = f"{left} of the excess energy remains with {best} {noun}{other}"
         lines.append(_line("unexplained", text))
     if d.nearest is not None:

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.effects import FAMILIES, Effect, find_family
-from samrl_core.diagnosis.result import Diagnosis, NamedEffect, NextExperiment, ParameterEstimate
+from samrl_core.diagnosis.result import Diagnosis, HeldOutGap, NamedEffect, NextExperiment, ParameterEstimate
 
 VERDICT_LABEL = {
     "no_gap": "No gap",
@@ -147,6 +147,12 @@ def change(shrink: float) -> str:
     if round(100 * shrink) == 0:
         return "does not shrink"
     return f"shrinks by {percent(shrink)}" if shrink > 0 else f"grows by {percent(-shrink)}"
+
+
+def say_kept(gap: HeldOutGap) -> str:
+    """What an effect leaves of a gap, as per cent; a share of what is within tolerance says little alone."""
+    share = percent(None if gap.shrink is None else 1.0 - gap.shrink)
+    return f"{share} (within tolerance)" if gap.ends_within else share
 
 
 def probability(value: float | None) -> str:

@@ -1,7 +1,8 @@
-"""What a simulated gap that does not shrink says of the named effect, and whether it says anything."""
+"""What simulated motion says beside a verdict: of a named effect, of what it leaves, and of no gap."""
 
 from __future__ import annotations
 
+from samrl_core.diagnosis.result import HeldOutGap
 from samrl_core.diagnosis.selection.hypothesis import Fit
 from samrl_core.diagnosis.verdict.decision import VerdictSettings
 from samrl_core.diagnosis.verdict.how_far import HowFar
@@ -54,4 +55,28 @@ def why_silent(name: str, far: HowFar, settings: VerdictSettings) -> str:
     return (
         f"the gap on held-out recordings does not shrink for sure, nor would it were {name} all there is: by"
         f" {far.foretold} on machines within tolerances and noise, so this motion says nothing of it"
+    )
+
+
+def what_stays(unexplained: float, name: str, gap: HeldOutGap | None) -> str:
+    """Why an effect is named that leaves much of the torque, and whether anything else need be wrong."""
+    more = "there is more, and smaller"
+    if gap is not None and gap.ends_within:
+        more = "what it moves is within tolerance"
+    return (
+        f"{unexplained:.0%} of the torque residual stays unexplained: {more}; {name} is named for the motion,"
+        " which it brings closer at the size found"
+    )
+
+
+def moves_off(gap: HeldOutGap | None, settings: VerdictSettings) -> tuple[str, ...]:
+    """What a verdict of no gap leaves open where held-out motion is far from the simulated one, in words.
+
+    Torques may agree within noise and tolerances while a loop goes elsewhere: by a term that its law lacks.
+    """
+    if gap is None or not gap.in_tolerances or not gap.nominal > settings.seen:
+        return ()
+    return (
+        f"simulated, held-out motion is {gap.nominal:.1f} tolerances off, which shows in no torque: check the"
+        " law, what it is told, and where each recording begins",
     )

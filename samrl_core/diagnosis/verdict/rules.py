@@ -15,7 +15,7 @@ from samrl_core.diagnosis.result import HeldOutGap, NamedEffect
 from samrl_core.diagnosis.selection.selection import Selection
 from samrl_core.diagnosis.verdict.decision import Decision, VerdictSettings
 from samrl_core.diagnosis.verdict.how_far import HowFar
-from samrl_core.diagnosis.verdict.missed_motion import why_missed, why_silent
+from samrl_core.diagnosis.verdict.missed_motion import what_stays, why_missed, why_silent
 
 
 def decide(
@@ -51,10 +51,7 @@ def decide(
         return Decision("none_of_mine", (*refusals, wrong), contradicted=bool(denials))
     reasons = []
     if stands:
-        reasons.append(
-            f"{selection.unexplained:.0%} of the torque residual stays unexplained: there is more, and"
-            f" smaller; {first.name} is named for the motion, which it brings closer at the size found"
-        )
+        reasons.append(what_stays(selection.unexplained, first.name, far.gap))
     tie = _tie(first, runner_ups, far, settings)
     missed = why_missed(first.name, far, settings)
     if tie is not None:
@@ -62,19 +59,6 @@ def decide(
     if missed:
         return Decision("none_of_mine", (*reasons, *missed, f"nearest is {first.name}"))
     return Decision("effect", (*reasons, *_why_named(selection, first, runner_ups, far, settings)))
-
-
-def moves_off(gap: HeldOutGap | None, settings: VerdictSettings) -> tuple[str, ...]:
-    """What a verdict of no gap leaves open where held-out motion is far from the simulated one, in words.
-
-    Torques may agree within noise and tolerances while a loop goes elsewhere: by a term that its law lacks.
-    """
-    if gap is None or not gap.in_tolerances or not gap.nominal > settings.seen:
-        return ()
-    return (
-        f"simulated, held-out motion is {gap.nominal:.1f} tolerances off, which shows in no torque: check the"
-        " law, what it is told, and where each recording begins",
-    )
 
 
 def _shows_nowhere(selection: Selection, far: HowFar, settings: VerdictSettings) -> bool:

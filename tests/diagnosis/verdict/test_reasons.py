@@ -9,7 +9,8 @@ import pytest
 from samrl_core.diagnosis.report.terminal import summary
 from samrl_core.diagnosis.result import IN_TOLERANCES
 from samrl_core.diagnosis.verdict.decision import VerdictSettings
-from samrl_core.diagnosis.verdict.rules import how_it_moves, moves_off
+from samrl_core.diagnosis.verdict.missed_motion import moves_off, what_stays
+from samrl_core.diagnosis.verdict.rules import how_it_moves
 from tests.diagnosis.report import samples
 
 
@@ -37,3 +38,19 @@ def test_no_gap_of_torques_says_that_motion_is_off(nominal: float, metric: str, 
     assert bool(off) == said and moves_off(None, VerdictSettings()) == ()
     lines = " ".join(summary(replace(d, gap=gap, reasons=(*d.reasons, *off))))
     assert ("9.5 tolerances off" in lines) == said
+
+
+@pytest.mark.parametrize(
+    ("left", "metric", "within"),
+    [(0.65, IN_TOLERANCES, True), (1.2, IN_TOLERANCES, False), (0.65, "position error", False)],
+)
+def test_what_is_left_within_tolerance_is_said_to_be(left: float, metric: str, within: bool) -> None:
+    """A cable left "85 % of the held-out gap" of 0.77 tolerances, a rotor "more, and smaller"."""
+    d = samples.diagnosis("effect")
+    assert d.gap is not None
+    gap = replace(d.gap, nominal=left / 0.85, with_effect=left, shrink=0.15, metric=metric)
+    text = " ".join(" ".join(summary(replace(d, gap=gap))).split())
+    assert ("85 % (within tolerance) of the held-out gap" in text) == within
+    assert ("85 % of the held-out gap" in text) != within
+    stays = what_stays(0.54, "payload@arm:tool_arm", gap)
+    assert ("there is more" in stays) != within and ("within tolerance" in stays) == within

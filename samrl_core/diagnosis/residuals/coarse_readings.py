@@ -18,6 +18,13 @@ PHASES = 16  # places within a step at which the motion may lie; each is as prob
 DITHERED = 0.6  # of a step: noise of more makes rounding white by itself
 
 
+def coarse_steps(motion: RecordedMotion) -> np.ndarray:
+    """Step (J,) of the readings that accelerations come from; 0 where none is, or noise makes it white."""
+    if motion.raw_velocity is not None:
+        return np.zeros(motion.joints)
+    return np.where(motion.noise.position < DITHERED * motion.reading_step, motion.reading_step, 0.0)
+
+
 def widen_where_coarse(
     sigma: np.ndarray, motion: RecordedMotion, inertia: np.ndarray, color: NoiseColor
 ) -> np.ndarray:
@@ -25,14 +32,14 @@ def widen_where_coarse(
 
     Args:
         sigma: (N, J) otherwise [N m or N].
-        motion: of the recording; nothing changes where velocities were read.
+        motion: of the recording; nothing changes where no joint has a coarse step.
         inertia: (N, J, J) that turns accelerations into the channel's torque.
         color: that makes the noise of the channel white.
     """
-    step = np.where(motion.noise.position < DITHERED * motion.reading_step, motion.reading_step, 0.0)
-    if motion.raw_velocity is not None or not np.any(step > 0):
-        return sigma
+    step = coarse_steps(motion)
     coarse = np.flatnonzero(step)
+    if not len(coarse):
+        return sigma
     steps = motion.full_position[:, coarse] / step[coarse]
     power = np.zeros_like(sigma)
     for k in range(PHASES):

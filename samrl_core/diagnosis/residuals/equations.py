@@ -13,6 +13,7 @@ tells a payload (link) from a weak drive (drive) or a changed gain (controller).
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -20,7 +21,7 @@ import numpy as np
 from samrl_core.cell.robots.joint_dynamics import joint_dynamics
 from samrl_core.cell.types.arm_description import HELD, ArmDescription
 from samrl_core.diagnosis.residuals.basis_functions import smooth_sign
-from samrl_core.diagnosis.residuals.coarse_readings import widen_where_coarse
+from samrl_core.diagnosis.residuals.coarse_readings import coarse_steps, widen_where_coarse
 from samrl_core.diagnosis.residuals.laws.followed import followed_position
 from samrl_core.diagnosis.residuals.laws.goal_phase import widen_with_goals
 from samrl_core.diagnosis.residuals.motion import RecordedMotion
@@ -198,12 +199,18 @@ def form_equations(motion: RecordedMotion) -> Equations:
             sigma["dynamics"] = widen_with_goals(sigma["dynamics"], motion, raw)
         if motion.computed:
             sigma["dynamics"] = _past_wider(widen_at_edges(sigma["dynamics"], motion), motion, scale)
-    rotors = np.broadcast_to(np.diag(armature(arm)), (len(motion), motion.joints, motion.joints))
-    mass = rigid.mass_matrix(motion.q)
-    for channel, inertia in (("drive", rotors), ("link", mass), ("dynamics", mass + rotors)):
-        if channel in residual:
-            sigma[channel] = widen_where_coarse(sigma[channel], motion, inertia, color[channel])
+    if coarse_steps(motion).any():
+        rotors = np.broadcast_to(np.diag(armature(arm)), (len(motion), motion.joints, motion.joints))
+        mass = rigid.mass_matrix(motion.q)
+        for channel, inertia in (("drive", rotors), ("link", mass), ("dynamics", mass + rotors)):
+            if channel in residual:
+                sigma[channel] = widen_where_coarse(sigma[channel], motion, inertia, color[channel])
     return Equations(motion, residual, sigma, law, lag, model, color=color)
+
+
+def drive_channel(channels: Collection[str]) -> str:
+    """Where the motors' torque is compared: with what a sensor reads behind them, else with the motion."""
+    return "drive" if "drive" in channels else "dynamics"
 
 
 def _made_by_the_band(motion: RecordedMotion, rigid: RigidArm) -> np.ndarray:

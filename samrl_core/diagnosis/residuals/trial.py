@@ -16,6 +16,7 @@ from samrl_core.diagnosis.residuals.equations import (
     Columns,
     Equations,
     armature,
+    drive_channel,
     form_equations,
     nominal_friction,
     settled,
@@ -143,7 +144,7 @@ class Trial(Observed):
 
     def drive(self, joint: int, full: np.ndarray) -> Columns:
         """Columns (p, F) at full rate that act between commanded effort and torque sensor of a joint."""
-        channel = "drive" if "drive" in self.channels else "dynamics"
+        channel = drive_channel(self.channels)
         if channel not in self.channels:
             return {}
         return {(channel, joint): self.motion.reduce(full.T).T}
@@ -163,8 +164,8 @@ class Trial(Observed):
     @property
     def shows_controller(self) -> bool:
         """Whether what the controller does otherwise than described is seen in some channel."""
-        computed = self.motion.computed and ("drive" in self.channels or "dynamics" in self.channels)
-        return "controller" in self.channels or computed
+        by_law = self.motion.computed and drive_channel(self.channels) in self.channels
+        return "controller" in self.channels or by_law
 
     def link(self, columns: np.ndarray) -> Columns:
         """Band-limited columns (p, N, J) that act behind the torque sensors."""

@@ -18,15 +18,7 @@ from samrl_ros.log_import.importer import import_recording
 from samrl_ros.log_import.mapping import parse_mapping
 from samrl_ros.log_import.specs import CsvOptions
 from samrl_ros.log_import.tables import read_table
-
-TIME = np.arange(0.0, 6.0, 0.01)
-WAVE, TURNED = np.sin(2.0 * TIME), np.cos(2.0 * TIME)
-
-
-def write(path: Path, **columns: np.ndarray) -> Path:
-    table, head = np.column_stack(list(columns.values())), ",".join(columns)
-    np.savetxt(path, table, delimiter=",", header=head, comments="", fmt="%.6g")
-    return path
+from tests.recordings.logs.columns import TIME, TURNED, WAVE, write
 
 
 def questions_of(draft: Draft, key: str) -> str:

@@ -13,15 +13,7 @@ from samrl_ros.log_import.draft.guess import Draft, Effort
 from samrl_ros.log_import.draft.joints.motor_input import TORQUE_CONSTANT
 from samrl_ros.log_import.importer import import_recording
 from samrl_ros.log_import.mapping import parse_mapping
-
-TIME = np.arange(0.0, 6.0, 0.01)
-WAVE, TURNED = np.sin(2.0 * TIME), np.cos(2.0 * TIME)
-
-
-def write(path: Path, **columns: np.ndarray) -> Path:
-    table, head = np.column_stack(list(columns.values())), ",".join(columns)
-    np.savetxt(path, table, delimiter=",", header=head, comments="", fmt="%.6f")
-    return path
+from tests.recordings.logs.columns import TIME, TURNED, WAVE, write
 
 
 def robot(path: Path, unit: str = "_A", offset: float = 0.0) -> Path:

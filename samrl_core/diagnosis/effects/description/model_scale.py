@@ -7,7 +7,7 @@ import numpy as np
 from samrl_core.diagnosis.effects.effect import Effect, Parameter, lacks_link_torque
 from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
 from samrl_core.diagnosis.effects.load.payload import is_driven
-from samrl_core.diagnosis.residuals.equations import Columns
+from samrl_core.diagnosis.residuals.equations import Columns, drive_channel
 from samrl_core.diagnosis.residuals.laws.follow_command import sure_part
 from samrl_core.diagnosis.residuals.trial import Trial
 
@@ -87,7 +87,7 @@ class AllTorques(AllMasses):
         # By the model's motion: a share of the logged torque would hold the friction that is left over.
         rotor = trial.motion.reduce(trial.rotor_share)
         for j in range(trial.joints):
-            channel = "drive" if "drive" in trial.channels else "dynamics"
+            channel = drive_channel(trial.channels)
             key = (channel, j)
             if channel in trial.channels and np.any(rotor[:, j]):
                 out[key] = out.get(key, 0.0) + rotor[None, :, j]

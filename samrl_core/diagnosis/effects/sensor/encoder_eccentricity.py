@@ -7,7 +7,7 @@ import numpy as np
 from samrl_core.diagnosis.effects.drive_torque import travel_unit
 from samrl_core.diagnosis.effects.effect import Effect, Parameter, lacks_link_torque
 from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
-from samrl_core.diagnosis.residuals.equations import Columns
+from samrl_core.diagnosis.residuals.equations import Columns, drive_channel
 from samrl_core.diagnosis.residuals.trial import Trial, add
 
 HARMONICS = (
@@ -69,7 +69,7 @@ class PeriodicError(Form):
         rotor = -trial.rotor[joint] * np.stack([motion.second_derivative(e) for e in error])
         # So is what the motor is said to lose to its speed.
         rotor -= trial.lost_to_speed[joint] * np.stack([motion.derivative(e) for e in error])
-        channel = "drive" if "drive" in trial.channels else "dynamics"
+        channel = drive_channel(trial.channels)
         lost: Columns = {(channel, joint): rotor} if channel in trial.channels else {}
         return add(trial.link(trial.deflection(joint, error)), lost)
 

@@ -13,6 +13,7 @@ from samrl_core.diagnosis.effects.drive_torque import (
 )
 from samrl_core.diagnosis.effects.effect import Parameter
 from samrl_core.diagnosis.effects.form import Form, Place, PlantFields, Shape
+from samrl_core.diagnosis.residuals.equations import drive_channel
 from samrl_core.diagnosis.residuals.trial import Trial
 
 HIGHEST = 420.0  # [1/rad] order that is searched
@@ -90,7 +91,7 @@ class Ripple(DriveForm):
 
 def _peaks(trial: Trial, joint: int, count: int = 4) -> list[float]:
     """Orders at which the drive residual of a joint has most power over position, well inside the band."""
-    channel = "drive" if "drive" in trial.channels else "dynamics"
+    channel = drive_channel(trial.channels)
     residual = trial.equations.residual[channel][:, joint]
     unit = travel_unit(trial, joint)
     q, speed = trial.motion.q[:, joint], np.abs(trial.motion.dq[:, joint])

@@ -14,7 +14,7 @@ import numpy as np
 
 from samrl_core.cell.types.arm_description import ArmDescription
 from samrl_core.cell.types.arm_recording import ArmRecording
-from samrl_core.diagnosis.residuals.equations import form_equations
+from samrl_core.diagnosis.residuals.equations import drive_channel, form_equations
 from samrl_core.diagnosis.residuals.laws.late_law import explained_log_likelihood, late_law_change
 from samrl_core.diagnosis.residuals.motion import RecordedMotion
 from samrl_core.diagnosis.simulation.rigid_arm import RigidArm
@@ -74,7 +74,7 @@ def _explained(recording: ArmRecording) -> _Explained | None:
         return None
     if motion.computed:
         residual = form_equations(motion).residual
-        left, what = residual["drive" if "drive" in residual else "dynamics"], "motion"
+        left, what = residual[drive_channel(residual)], "motion"
     elif motion.asked is not None:
         limit = motion.limit()
         off = np.clip(motion.described_law.total, -limit, limit) - motion.asked

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.joints.named_sources import (
     NamedBlock,
     add_source,
+    column_alone,
     name_of,
     of_other_length,
     quantity_of,
@@ -70,9 +70,7 @@ def split_supply(found: Sequence[NamedBlock]) -> list[NamedBlock]:
         if not electric or not _SUPPLY & set(block.labels) or len(block.columns) != len(block.labels):
             out.append(each)
             continue
-        for k, column in enumerate(block.columns):
-            alone = replace(block, stem=column, labels=("",), columns=(column,), values=block.values[:, [k]])
-            out.append(replace(each, block=alone))
+        out += [column_alone(each, k) for k in range(len(block.columns))]
     return out
 
 
@@ -80,31 +78,33 @@ def currents_of_motors(
     electric: Sequence[NamedBlock], position: NamedBlock, order: list[str]
 ) -> list[NamedBlock]:
     """Measured currents that torque constants make efforts, those beside the position first."""
-    there = [
+    measured = [
         each
         for each in electric
         if each.meaning.quantity == "current"
-        and not each.meaning.computed
         and not each.meaning.commanded
-        and not is_supplys(each)
         and each.block.stem != _RTDE_CURRENT
-        and not of_other_length(each, position)
-        and (set(order) <= set(each.block.labels) or bool(inputs_of_some([each], position, order)))
     ]
-    return sorted(there, key=lambda each: (shares_rows(each, position), rank_input(each)), reverse=True)
+    return _inputs_of_motors(measured, position, order)
 
 
 def volts_of_motors(
     electric: Sequence[NamedBlock], position: NamedBlock, order: list[str]
 ) -> list[NamedBlock]:
     """Signed voltages or duty cycles of motors, those in volts first."""
+    signed = [each for each in electric if each.meaning.quantity == "voltage" and has_both_signs(each)]
+    return _inputs_of_motors(signed, position, order)
+
+
+def _inputs_of_motors(
+    electric: Sequence[NamedBlock], position: NamedBlock, order: list[str]
+) -> list[NamedBlock]:
+    """Those of the joints' motors, not of a supply; beside the position first, then as likely as they are."""
     there = [
         each
         for each in electric
-        if each.meaning.quantity == "voltage"
-        and not each.meaning.computed
+        if not each.meaning.computed
         and not is_supplys(each)
-        and has_both_signs(each)
         and not of_other_length(each, position)
         and (set(order) <= set(each.block.labels) or bool(inputs_of_some([each], position, order)))
     ]

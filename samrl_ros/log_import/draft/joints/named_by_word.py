@@ -12,7 +12,7 @@ import numpy as np
 
 from samrl_ros.log_import.draft.column_names import meaning, words_in
 from samrl_ros.log_import.draft.guess import Draft
-from samrl_ros.log_import.draft.joints.named_sources import NamedBlock
+from samrl_ros.log_import.draft.joints.named_sources import NamedBlock, column_alone
 
 _LETTERS = frozenset("alpha beta gamma phi psi theta q".split())  # of angles
 _RATES = frozenset(("dot", "ddot"))
@@ -64,17 +64,10 @@ def group_by_word(found: list[NamedBlock], joints: Sequence[str], draft: Draft) 
 
 def _columns_of(each: NamedBlock) -> list[NamedBlock]:
     """A block's columns apart; none of an array."""
-    block = each.block
-    if len(block.columns) != len(block.labels):
+    columns = each.block.columns
+    if len(columns) != len(each.block.labels):
         return []
-    return [
-        replace(
-            each,
-            block=replace(block, stem=name, labels=("",), columns=(name,), values=block.values[:, [k]]),
-            meaning=meaning(name),
-        )
-        for k, name in enumerate(block.columns)
-    ]
+    return [replace(column_alone(each, k), meaning=meaning(name)) for k, name in enumerate(columns)]
 
 
 def _is_measured(one: NamedBlock) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -36,6 +36,13 @@ def name_of(each: NamedBlock) -> str:
     file = "" if each.part.part else f"{each.part.path.name}: "
     columns = each.block.columns
     return f"{file}{place}{each.block.stem if len(columns) > 1 else columns[0]}"
+
+
+def column_alone(each: NamedBlock, k: int) -> NamedBlock:
+    """One column of a block by itself, under its whole name."""
+    name = each.block.columns[k]
+    block = replace(each.block, stem=name, labels=("",), columns=(name,), values=each.block.values[:, [k]])
+    return replace(each, block=block)
 
 
 def shares_rows(one: NamedBlock, other: NamedBlock) -> bool:

@@ -15,6 +15,7 @@ from samrl_core.common.files import is_file, is_folder
 from samrl_ros.log_import.formats.depth_images import read_depth_images
 from samrl_ros.log_import.formats.views import files_of_views, is_of_views
 from samrl_ros.log_import.formulas import evaluate, names_in
+from samrl_ros.log_import.joint_rows import join_samples
 from samrl_ros.log_import.specs import ColumnSpec, LoggedSpec, Missing, TimeSpec, source_of_quantity
 from samrl_ros.log_import.table import Table
 from samrl_ros.log_import.tables import read_table
@@ -54,6 +55,8 @@ def read_source(
         else read_depth_images(path, source.images, f"{where}.file")
         for path in paths
     ]
+    if source.joint_column:
+        tables = [join_samples(t, source.joint_column, f"{where}.joint_column") for t in tables]
     for table in tables:
         notes += [f"{where}: {note}" for note in table.notes]
     columns = {

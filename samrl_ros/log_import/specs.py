@@ -148,6 +148,7 @@ class SourceSpec(Checked):
     # Topic of a bag, episode of a dataset, group of HDF5, keys down to JSON's samples, label of rows.
     part: Part = ""
     csv: CsvOptions = CsvOptions()
+    joint_column: str = ""  # says which joint a row is of; the rows of a sample become columns `q.J1`
     images: ImageOptions | None = None  # the file is a folder or a stack of depth images
     time: TimeSpec | None = None  # None: the file's own, such as a bag's stamps
     columns: dict[Name, Annotated[ColumnSpec, BeforeValidator(_column)]]

@@ -21,6 +21,7 @@ from samrl_ros.log_import.formats.hdf5 import demonstrations
 from samrl_ros.log_import.formats.parquet import is_lerobot
 from samrl_ros.log_import.formats.rosbag import is_bag, list_topics
 from samrl_ros.log_import.formats.transform_tree import KINDS, describe_tree
+from samrl_ros.log_import.joint_rows import find_joint_column, join_samples
 from samrl_ros.log_import.specs import CsvOptions
 from samrl_ros.log_import.table import Table
 from samrl_ros.log_import.tables import read_table
@@ -77,6 +78,7 @@ class LogPart:
     times: tuple[str, ...]  # columns of numbers that are named as time, those that run on first
     dates: tuple[str, ...]  # columns of text that may be time
     csv: CsvOptions = CsvOptions()  # how the file is written
+    joint_column: str = ""  # that says which joint a row of the file is of
     # Of several recordings beside each other, of which the table holds the first: columns by quantity.
     beside: dict[str, dict[str, str]] = field(default_factory=dict)
 
@@ -169,6 +171,9 @@ def _parts(path: Path) -> list[str]:
 def _part(path: Path, part: str, kind: str, joints: Sequence[str]) -> LogPart:
     options = text_options(path)
     table = read_table(path, options, "the log", part)
+    joint_column = "" if kind else find_joint_column(table, joints)
+    if joint_column:
+        table = join_samples(table, joint_column, "the log")
     if beside := {} if kind else recordings_beside(table):
         table = first_of(table, beside)
     arrays = {name: values for name in table.columns if (values := numbers_of(table, name)) is not None}
@@ -199,7 +204,7 @@ def _part(path: Path, part: str, kind: str, joints: Sequence[str]) -> LogPart:
             labels = tuple(str(k) for k in range(len(values)))
             blocks.append(replace(_block(part, name, labels, (name,), values.T), transposed=True))
     useful = tuple(block for block in blocks if len(block.values) >= LEAST_ROWS)
-    return LogPart(path, part, kind, table, useful, times, dates, options, beside)
+    return LogPart(path, part, kind, table, useful, times, dates, options, joint_column, beside)
 
 
 def _block(

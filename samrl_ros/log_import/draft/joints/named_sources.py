@@ -69,6 +69,9 @@ def add_source(part: LogPart, name: str, draft: Draft, beside: str = "") -> np.n
         source["part"] = part.part
     if stated := stated_options(part.csv):
         source["csv"] = stated
+    if part.joint_column:
+        source["joint_column"] = part.joint_column
+        draft.note(f"sources.{name}.joint_column", f"{part.joint_column!r} says which joint a row is of")
     draft.sources[name] = source
     rows = len(part.blocks[0].rows)
     if table.time is not None:

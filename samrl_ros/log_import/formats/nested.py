@@ -7,6 +7,8 @@ import re
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from samrl_core.common.errors import InputError
 from samrl_ros.log_import.table import Table, rows_as_column
 
@@ -17,7 +19,7 @@ _FEWEST = 3  # keys alike that are samples; fewer are parts of one thing, such a
 
 
 def table_of_nested(content: Any, path: Path, part: str, where: str) -> Table:
-    """Numbers and lists of numbers by key, nested keys joined by dots.
+    """Numbers, lists of numbers and texts beside them by key, nested keys joined by dots.
 
     Samples are a list of objects, an object of lists, objects under keys of their own (`pose_0`, `pose_1`),
     values under numbered keys (`T1_0`, `T1_1` give `T1`), or bare lists (`data`). Below the top they are
@@ -67,6 +69,10 @@ def table_of_nested(content: Any, path: Path, part: str, where: str) -> Table:
         array = rows_as_column([_matrix(value) for value in values])
         if array is not None:
             table.columns[name] = array
+    lengths = {len(values) for values in table.columns.values()}
+    for name, values in columns.items():  # texts beside numbers: whose a sample is, or a date
+        if len(values) in lengths and {type(value) for value in values} in ({str}, {str, type(None)}):
+            table.columns[name] = pd.Series(values, dtype=object)
     return table
 
 

@@ -112,3 +112,38 @@ def test_a_supplys_volts_are_no_motors_input(tmp_path: Path) -> None:
     path = write_csv(tmp_path / "a.csv", columns)
     draft = draft_any([path], urdf_of(("theta", "alpha")), None)
     assert "commanded_effort" not in draft.channels
+
+
+CART_AND_POLE = [
+    ("x", "theta", "x_dot", "theta_dot", 1.0, 1.0),
+    ("x_meas [m]", "theta [rad]", "v_filt [m/s]", "omega_filt [rad/s]", 1.0, 1.0),
+    ("x_mm", "alpha_deg", "speed_mm_s", "alpha_rate_deg_s", 1e3, 180.0 / np.pi),
+    ("cart_position", "pole_angle", "cart_velocity", "pole_velocity", 1.0, 1.0),
+]
+
+
+@pytest.mark.parametrize(("x", "angle", "x_rate", "angle_rate", "length", "turn"), CART_AND_POLE)
+@pytest.mark.parametrize("joints", [("cart", "pole"), ("slider_to_cart", "cart_to_pole")])
+def test_a_cart_and_its_pole_are_drafted_together(
+    x: str, angle: str, x_rate: str, angle_rate: str, length: float, turn: float,
+    joints: tuple[str, str], tmp_path: Path,
+) -> None:  # fmt: skip
+    """The pole alone was drafted, and the cart's command as the pole's, in rad."""
+    truth = np.column_stack([LIFT, ANGLE, np.gradient(LIFT, TIME), np.gradient(ANGLE, TIME)])
+    columns = {"t": TIME, angle: turn * ANGLE, x: length * LIFT, "x_ref": length * LIFT * 1.1}
+    columns |= {angle_rate: turn * truth[:, 3], x_rate: length * truth[:, 2], "force_N": 3.0 * ANGLE}
+    path = write_csv(tmp_path / "a.csv", columns)
+    draft = draft_any([path], described(joints, joints[:1]), None, Effort.none)
+    assert draft.joints == list(joints) and "command" not in draft.channels
+    assert not any("which is which" in question for question in draft.questions)
+    np.testing.assert_allclose(made(draft, tmp_path), truth, atol=1e-6)
+
+
+def test_two_poles_on_a_cart_are_asked_for(tmp_path: Path) -> None:
+    joints = ("cart", "lower", "upper")
+    columns = {"t": TIME, "x": LIFT, "theta1": ANGLE, "theta2": 0.5 * np.cos(TIME)}
+    path = write_csv(tmp_path / "a.csv", columns)
+    draft = draft_any([path], described(joints, joints[:1]), None, Effort.none)
+    assert draft.joints == list(joints)
+    assert any("x is cart, theta1 is lower, theta2 is upper?" in question for question in draft.questions)
+    np.testing.assert_allclose(made(draft, tmp_path)[:, 2], 0.5 * np.cos(TIME), atol=1e-6)

@@ -21,6 +21,7 @@ from samrl_ros.log_import.draft.joints.arm_messages import (
     universal_robots,
 )
 from samrl_ros.log_import.draft.joints.channels import add_command, add_effort, add_velocity
+from samrl_ros.log_import.draft.joints.joined_by_kind import group_by_kind
 from samrl_ros.log_import.draft.joints.letters import read_letters
 from samrl_ros.log_import.draft.joints.motor_input import split_supply
 from samrl_ros.log_import.draft.joints.named_blocks import (
@@ -120,6 +121,7 @@ def draft_mapping(
     found = read_letters(name_joints(found, draft), draft)
     found = as_input_and_output(without_relative(without_tool(found, draft), draft))
     found = group_by_word(split_supply(split_matrix(found, joints, draft)), joints, draft)
+    found = group_by_kind(found, joints, urdf, draft)
     position = _measured_position(found, joints, draft)
     order = _joints(position, joints, urdf, draft)
     found = [label_by_name(each, order) for each in found]

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from samrl_ros.log_import.draft.column_names import meaning, words_in
+from samrl_ros.log_import.draft.column_names import NameMeaning, meaning, words_in
 from samrl_ros.log_import.draft.guess import Draft
 from samrl_ros.log_import.draft.joints.named_sources import NamedBlock, column_alone
 
@@ -35,8 +35,8 @@ def group_by_word(found: list[NamedBlock], joints: Sequence[str], draft: Draft) 
     known = any(set(joints) <= set(each.block.labels) for each in found)
     if len(joints) < 2 or known or any(each.part.kind for each in found):
         return found
-    singles = [one for each in found for one in _columns_of(each)]
-    places = [one for one in singles if _is_angle(one)]
+    singles = [one for each in found for one in columns_of(each)]
+    places = [one for one in singles if is_angle(one)]
     positions = _one_each([[one for one in places if _names(one, joints) == [joint]] for joint in joints])
     if not positions:
         return found
@@ -54,15 +54,15 @@ def group_by_word(found: list[NamedBlock], joints: Sequence[str], draft: Draft) 
     kept: list[NamedBlock] = []
     for each in found:
         whole = taken.isdisjoint(each.block.columns)
-        kept += [each] if whole else [o for o in _columns_of(each) if o.block.columns[0] not in taken]
+        kept += [each] if whole else [o for o in columns_of(each) if o.block.columns[0] not in taken]
     return [
-        _joined(positions, joints, "position"),
-        *([_joined(rates, joints, "velocity")] if rates else []),
+        joined(positions, joints, "position", positions[0].meaning),
+        *([joined(rates, joints, "velocity", rates[0].meaning)] if rates else []),
         *kept,
     ]
 
 
-def _columns_of(each: NamedBlock) -> list[NamedBlock]:
+def columns_of(each: NamedBlock) -> list[NamedBlock]:
     """A block's columns apart; none of an array."""
     columns = each.block.columns
     if len(columns) != len(each.block.labels):
@@ -70,11 +70,12 @@ def _columns_of(each: NamedBlock) -> list[NamedBlock]:
     return [replace(column_alone(each, k), meaning=meaning(name)) for k, name in enumerate(columns)]
 
 
-def _is_measured(one: NamedBlock) -> bool:
+def is_measured(one: NamedBlock) -> bool:
+    """Whether a column is neither wanted nor worked out."""
     return not one.meaning.commanded and not one.meaning.computed
 
 
-def _is_angle(one: NamedBlock) -> bool:
+def is_angle(one: NamedBlock) -> bool:
     """Whether a column may be a joint's position: by its quantity, unit or letter."""
     told = one.meaning
     named = bool(told.unit in _UNITS or _LETTERS & set(words_in(one.block.stem)))
@@ -82,7 +83,7 @@ def _is_angle(one: NamedBlock) -> bool:
     return (
         may_be
         and _RATES.isdisjoint(words_in(one.block.stem))
-        and _is_measured(one)
+        and is_measured(one)
         and bool(np.ptp(one.block.values) > 0.0)
     )
 
@@ -91,7 +92,7 @@ def _is_speed(one: NamedBlock) -> bool:
     """Whether a column may be a joint's speed: `alpha_dot`."""
     told, words = one.meaning, set(words_in(one.block.stem))
     dotted = not told.quantity and "dot" in words and bool(_LETTERS & words)
-    return (told.quantity == "velocity" or dotted) and _is_measured(one)
+    return (told.quantity == "velocity" or dotted) and is_measured(one)
 
 
 def _names(one: NamedBlock, joints: Sequence[str]) -> list[str]:
@@ -120,8 +121,10 @@ def _one_each(candidates: Sequence[Sequence[NamedBlock]]) -> list[NamedBlock]:
     return found if alike and len({one.block.columns for one in found}) == len(found) else []
 
 
-def _joined(columns: Sequence[NamedBlock], joints: Sequence[str], quantity: str) -> NamedBlock:
-    """Columns as one block, labelled as the joints are."""
+def joined(
+    columns: Sequence[NamedBlock], joints: Sequence[str], quantity: str, told: NameMeaning
+) -> NamedBlock:
+    """Columns as one block, labelled as the joints are, that means what one of them does."""
     head = columns[0]
     block = replace(
         head.block,
@@ -130,4 +133,4 @@ def _joined(columns: Sequence[NamedBlock], joints: Sequence[str], quantity: str)
         columns=tuple(one.block.columns[0] for one in columns),
         values=np.hstack([one.block.values for one in columns]),
     )
-    return replace(head, block=block, meaning=replace(head.meaning, quantity=quantity))
+    return replace(head, block=block, meaning=replace(told, quantity=quantity))

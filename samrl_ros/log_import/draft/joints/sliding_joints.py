@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -18,6 +19,7 @@ _RATES = {"rad/s": ("", 1.0), "deg/s": ("pi / 180 * ", np.pi / 180.0), "rpm": ("
 _RATES["rev/s"] = _ANGLES["rev"]
 _SAME_RATE = {"rad": "rad/s", "deg": "deg/s", "rev": "rev/s"}
 _RATIOS = (1.0, 1000.0, 0.001)  # of a length's rate to a speed: the same unit, or mm beside m/s
+_NAMED = re.compile(r"[\[(]\s*(mm?)\s*[\])]$|_(mm?)$")
 _SLACK = 0.1  # of a joint's travel or turn, beyond its limits, that zeros and soft stops may account for
 _USES = 0.1  # of its travel: less is a joint at rest, or numbers in a unit that is too small
 _NEAR = 0.15  # by which the ratio of a velocity to its position's rate may miss one of those
@@ -60,12 +62,13 @@ def set_sliding_units(
         draft.note("channels.states.position", "turns, and the URDF has sliding joints", question)
         return
     values = position.block.ordered(list(order))
-    lengths = [_length(values[:, k], described[k]) for k in moving]
+    named = [_named_at(position, order[k]) for k in moving]
+    lengths = [said or _length(values[:, k], described[k]) for k, said in zip(moving, named, strict=True)]
     open_ones = [draft.joints[k] for k, length in zip(moving, lengths, strict=True) if not length]
     lengths = [length or "m" for length in lengths]
     draft.note(
         "channels.states.position",
-        f"the URDF lets {names} slide; by its limits in {', '.join(lengths)}",
+        f"the URDF lets {names} slide; {_by(named)} in {', '.join(lengths)}",
         f"is {', '.join(open_ones)} in m? It slides" if open_ones else "",
     )
     fits = [
@@ -105,6 +108,21 @@ def set_sliding_units(
             draft.unused.append(
                 "commanded velocity: of another unit than the position's, and some joints slide"
             )
+
+
+def named_length(column: str) -> str:
+    """Unit of a length at the end of a column's name, `x [mm]` or `x_m`; empty where there is none."""
+    told = _NAMED.search(column)
+    return (told[1] or told[2]) if told else ""
+
+
+def _named_at(position: NamedBlock, label: str) -> str:
+    columns, labels = position.block.columns, position.block.labels
+    return named_length(columns[labels.index(label)]) if len(columns) == len(labels) else ""
+
+
+def _by(named: Sequence[str]) -> str:
+    return "by name" if all(named) else "by name or its limits" if any(named) else "by its limits"
 
 
 def _ratio(time: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> float | None:

@@ -48,14 +48,7 @@ def group_by_kind(
     lengths = [one for one in singles if _is_length(one)]
     angles = [one for one in singles if is_angle(one) and not _is_length(one)]
     places = [*lengths, *angles]
-    head = places[0] if places else None
-    if (
-        len(lengths) != len(slides)
-        or len(angles) != len(turns)
-        or any(
-            one.part is not head.part or not np.array_equal(one.block.rows, head.block.rows) for one in places
-        )
-    ):
+    if len(lengths) != len(slides) or len(angles) != len(turns) or not _in_the_same_rows(places):
         return found
     of = dict(zip([*slides, *turns], places, strict=True))
     positions = [of[joint] for joint in joints]
@@ -71,6 +64,11 @@ def group_by_kind(
         kept += [each] if own else [o for o in columns_of(each) if o.block.columns[0] not in taken]
     block = joined(positions, joints, "position", angles[0].meaning)
     return [block, *([joined(rates, joints, "velocity", rates[0].meaning)] if rates else []), *kept]
+
+
+def _in_the_same_rows(columns: Sequence[NamedBlock]) -> bool:
+    head = columns[0]
+    return all(one.part is head.part and np.array_equal(one.block.rows, head.block.rows) for one in columns)
 
 
 def _is_length(one: NamedBlock) -> bool:

@@ -34,6 +34,14 @@ def write_csv() -> bytes:
     return "\n".join(rows).encode()
 
 
+def write_joint_rows() -> bytes:
+    """As text with a row per joint."""
+    rows = [
+        f"{t:.4f},{axis},{q:.6f}" for t, q in zip(*columns().values(), strict=True) for axis in ("J1", "J2")
+    ]
+    return "\n".join(["t,axis,q", *rows]).encode()
+
+
 def write_npz() -> bytes:
     """As NumPy's archive."""
     buffer = io.BytesIO()

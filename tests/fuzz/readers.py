@@ -47,6 +47,7 @@ from tests.fuzz.log_files import (
     put_metadata_beside,
     write_csv,
     write_hdf5,
+    write_joint_rows,
     write_mat,
     write_npz,
     write_parquet,
@@ -319,7 +320,7 @@ READERS: tuple[Reader, ...] = (
     Reader(
         "draft of a CSV",
         "a.csv",
-        lambda: [write_csv(), write_csv().replace(b"q", b"q_deg1")],
+        lambda: [write_csv(), write_csv().replace(b"q", b"q_deg1"), write_joint_rows()],
         _draft,
         share=0.1,
     ),

@@ -6,7 +6,7 @@ import numpy as np
 
 from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.selection.hypothesis import Evidence, Fit
-from samrl_core.diagnosis.selection.on_held_out import SHOWN, gains, held_out_gains, held_out_remainder
+from samrl_core.diagnosis.selection.on_held_out import are_denied, gains, held_out_gains, held_out_remainder
 from samrl_core.diagnosis.selection.settings import SelectionSettings
 from samrl_core.diagnosis.selection.twins import does_the_same
 
@@ -62,7 +62,7 @@ def is_worth(
         return True  # when chance strikes again, nothing that was fitted can say
     # Where they hold nothing beyond noise, nothing is left to remove: within the noise it must win, too.
     won, expected = gains(held_out, held_left - held_wide, held_left, k)
-    if expected > SHOWN and won < settings.held_out_share * expected:
+    if are_denied(won, expected, settings.held_out_share):
         return False
     return held_out_gains(held_out, narrow, k)[0] >= 0.0 or held_out_gains(held_out, wide, k)[0] >= 0.0
 

@@ -8,6 +8,8 @@ from samrl_core.diagnosis.residuals.likelihood import Likelihood
 from samrl_core.diagnosis.selection.hypothesis import Fit, hypothesis
 
 SHOWN = 8.0  # [nat] that a further effect must be worth on held-out recordings before they deny it
+FORETOLD = 0.3  # of what it should win there: a right effect wins more, its formula nearly right
+EXCUSED = 3.0  # standard deviations of noise, by which a right effect may win less than it should
 
 
 def held_out_remainder(held_out: Likelihood, fit: Fit) -> np.ndarray:
@@ -32,3 +34,15 @@ def gains(held_out: Likelihood, p: np.ndarray, y: np.ndarray, correlation: float
     weighed = (p - held_out.tolerated(p, correlation)) / correlation
     expected = 0.5 * float(weighed @ p)
     return float(weighed @ y) - expected, expected
+
+
+def are_denied(won: float, expected: float, least: float) -> bool:
+    """Whether held-out recordings deny a prediction that should win `expected` [nat] there and wins `won`.
+
+    They do below the share `least`, whatever noise there is, and below `FORETOLD` where noise is no excuse: a
+    right prediction's log likelihood ratio has the mean `expected`, and the variance twice that.
+    """
+    if expected <= SHOWN:
+        return False
+    short = won < FORETOLD * expected and won < expected - EXCUSED * float(np.sqrt(2.0 * expected))
+    return won < least * expected or short

@@ -14,6 +14,7 @@ from samrl_core.diagnosis.selection.hypothesis import Hypothesis
 from samrl_core.diagnosis.selection.selection import Selection
 from samrl_core.diagnosis.verdict.how_far import HowFar
 
+HARDLY_ANY = 0.05  # of the torque, fitted and held out, that a set leaves which explains the whole of it
 TOGETHER = 0.25  # of the held-out gap that several effects must take off, or a limit beside others
 
 
@@ -23,13 +24,17 @@ def find_superfluous(selection: Selection, named: Sequence[NamedEffect], far: Ho
     Their size may be zero, or the gap on recordings never fitted is not smaller for sure with them. A limit
     of the drive fits any torque a little: beside others, as alone, motion must show it. And several effects
     that leave most of the gap share out what one has done that is not among them; but for one that explains
-    all of what is seen where it acts (`HowFar.alone`), which nothing else does.
+    all of what is seen where it acts (`HowFar.alone`), which nothing else does. Where the whole set leaves
+    hardly any torque of unseen recordings, such a one stands unless the gap grows with it for sure: motion
+    that a stiff loop holds does not show how strong a drive is.
     """
     assert selection.chosen is not None
     hypotheses = selection.chosen.hypotheses
     members = zip(hypotheses, named, strict=True)
     zero = [k for k, (h, effect) in enumerate(members) if k > 0 and _may_be_zero(h, effect)]
-    idle = [k for k, (low, _) in far.further.items() if low <= 0.0]
+    whole = max(selection.unexplained, selection.held_out_unexplained) < HARDLY_ANY
+    held = far.alone if whole else frozenset()
+    idle = [k for k, (low, high) in far.further.items() if (high < 0.0 if k in held else low <= 0.0)]
     no_limit = [
         k for k, (_, most) in far.further.items() if hypotheses[k].effect.limits_motion and most < TOGETHER
     ]

@@ -33,8 +33,8 @@ def find_superfluous(selection: Selection, named: Sequence[NamedEffect], far: Ho
     members = zip(hypotheses, named, strict=True)
     zero = [k for k, (h, effect) in enumerate(members) if k > 0 and _may_be_zero(h, effect)]
     whole = max(selection.unexplained, selection.held_out_unexplained) < HARDLY_ANY
-    held = far.alone if whole else frozenset()
-    idle = [k for k, (low, high) in far.further.items() if (high < 0.0 if k in held else low <= 0.0)]
+    sure = far.alone if whole else frozenset()
+    idle = [k for k, (low, high) in far.further.items() if (high < 0.0 if k in sure else low <= 0.0)]
     no_limit = [
         k for k, (_, most) in far.further.items() if hypotheses[k].effect.limits_motion and most < TOGETHER
     ]

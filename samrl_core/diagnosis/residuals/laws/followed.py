@@ -23,7 +23,7 @@ def followed_position(motion: RecordedMotion) -> np.ndarray | None:
 
     From the first reading on, at rest there, so that the beginning is not the machine's own.
     """
-    command, controller = motion.recording.command, motion.controller
+    command, controller = motion.recorded_command, motion.controller
     if motion.arm is None or controller is None or command is None or command.position is None:
         return None
     if controller.law.open_loop or motion.raw_position is None:

@@ -79,7 +79,7 @@ def test_a_described_servo_leaves_nothing(tmp_path: Path) -> None:
 
 
 def test_a_speed_that_a_law_is_fed_and_nobody_logged_is_that_of_the_goals(tmp_path: Path) -> None:
-    """A telescope's drives, exactly as described, had a gap: the note said so, and the servo was not fed it."""
+    """A telescope's drives, exactly as described, had a gap: the servo was not fed what the note said."""
     assert np.sqrt(np.mean(log(tmp_path, True, fed=True).residual["tracking"] ** 2)) < 0.004  # 0.04 without
 
 

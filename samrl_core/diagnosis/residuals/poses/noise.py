@@ -84,6 +84,26 @@ def find_apart(
     return level, np.where(apart & (apart.mean() <= MOST_APART), score, 0.0)
 
 
+def find_tour(places: Sequence[np.ndarray]) -> np.ndarray:
+    """An order (N,) in which each view lies near the one before it: from the first to the nearest, and so on.
+
+    Views at rest come in any order. An error that a place makes is alike in places that are near, and is no
+    noise; differences of views in the order of a log hold all of it.
+
+    Args:
+        places: positions (N, 3) of what may make the error, each weighed by how far it spreads.
+    """
+    spread = [np.sqrt(np.mean(np.sum((x - x.mean(axis=0)) ** 2, axis=1))) for x in places]
+    x = np.hstack([p / s for p, s in zip(places, spread, strict=True) if s > 0.0] or [places[0]])
+    apart = np.linalg.norm(x[:, None] - x[None], axis=2)
+    order, left = [0], np.ones(len(x), dtype=bool)
+    left[0] = False
+    while left.any():
+        order.append(int(np.where(left, apart[order[-1]], np.inf).argmin()))
+        left[order[-1]] = False
+    return np.array(order)
+
+
 def _score(left: np.ndarray, level: np.ndarray) -> np.ndarray:
     """How far detections (N,) are from the others, in standard deviations of the channel that is worst."""
     return np.max(np.abs(left) / np.hypot(level, 1.5 * np.median(np.abs(left), axis=0)), axis=1)

@@ -23,6 +23,7 @@ from samrl_core.diagnosis.residuals.poses.noise import (
     distance_of,
     find_apart,
     find_change,
+    find_tour,
     growth_power,
     leftover,
     noise_level,
@@ -38,6 +39,7 @@ TIMING_RATE_HZ = 5.0  # below it poses are no motion: nothing is said of clocks
 RATE_STEP_S = 0.01  # of the difference that gives a rate
 END_S, END_SHARE = 0.5, 0.05  # of a recording at either end of an arm's track, the less of the two
 LEFT_OUT = 1e3  # times the noise: as good as left out
+MOST_AT_REST = 2000  # views, of which the nearest are sought: more are nobody's calibration
 JITTER_ROUNDS = 3  # of a level without it, and it beside that level
 LEVER_M = 0.5  # at which a translation of 1 m/s counts as 2 rad/s, for phases
 # Standard deviations of what the noise estimate lets be off: beyond the catalogue's ranges.
@@ -267,12 +269,25 @@ class PoseTrial(Observed):
         growth = growth * self._of_jitter(left, growth / middle)
         even = left * middle / growth
         least = like.level * middle if few and like is not None else np.zeros(len(floor))
-        level, score = find_apart(even, floor, least, self._own_step)
+        score = np.empty(len(even))
+        beside = self._beside
+        level, score[beside] = find_apart(even[beside], floor, least, self._own_step)
         noise = replace(noise, level=level / middle)
         sigma = noise.level * growth
         apart = score > 0.0
         sigma[apart] *= (score[apart] ** 2)[:, None]  # as good as left out
         return noise, sigma, apart
+
+    @property
+    def _beside(self) -> np.ndarray:
+        """Order (N,) of the views in which neighbours are alike: that of time, at rest that of places."""
+        count = len(self.seen_position)
+        if self.shows_time or count > MOST_AT_REST:
+            return np.arange(count)
+        flanges = [
+            self.chain.flange(side)[:, :3, 3] for side, arm in enumerate(self.chain.arms) if arm is not None
+        ]
+        return find_tour([self.seen_position, *flanges])
 
     def _growing(self, left: np.ndarray) -> DetectorNoise:
         """Noise of an open level that grows as what is left (N, 6) clearly shows."""

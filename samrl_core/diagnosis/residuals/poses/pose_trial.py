@@ -270,7 +270,7 @@ class PoseTrial(Observed):
         even = left * middle / growth
         least = like.level * middle if few and like is not None else np.zeros(len(floor))
         score = np.empty(len(even))
-        beside = self._beside
+        beside = self._beside(even)
         level, score[beside] = find_apart(even[beside], floor, least, self._own_step)
         noise = replace(noise, level=level / middle)
         sigma = noise.level * growth
@@ -278,16 +278,17 @@ class PoseTrial(Observed):
         sigma[apart] *= (score[apart] ** 2)[:, None]  # as good as left out
         return noise, sigma, apart
 
-    @property
-    def _beside(self) -> np.ndarray:
-        """Order (N,) of the views in which neighbours are alike: that of time, at rest that of places."""
-        count = len(self.seen_position)
-        if self.shows_time or count > MOST_AT_REST:
-            return np.arange(count)
-        flanges = [
-            self.chain.flange(side)[:, :3, 3] for side, arm in enumerate(self.chain.arms) if arm is not None
-        ]
-        return find_tour([self.seen_position, *flanges])
+    def _beside(self, left: np.ndarray) -> np.ndarray:
+        """Order (N,) of the views in which neighbours of what is left (N, 6) are alike.
+
+        That of time; at rest that of places, if those tell more of it: what drifts is no noise either.
+        """
+        in_time = np.arange(len(left))
+        if self.shows_time or len(left) > MOST_AT_REST:
+            return in_time
+        arms = (side for side, arm in enumerate(self.chain.arms) if arm is not None)
+        tour = find_tour([self.seen_position, *(self.chain.flange(side)[:, :3, 3] for side in arms)])
+        return min(in_time, tour, key=lambda order: np.log(noise_level(left[order], np.zeros(6))).sum())
 
     def _growing(self, left: np.ndarray) -> DetectorNoise:
         """Noise of an open level that grows as what is left (N, 6) clearly shows."""

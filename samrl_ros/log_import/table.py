@@ -16,12 +16,32 @@ from samrl_core.common.errors import InputError
 WIDEST = 1024  # numbers of one sample that are read; more is an image, no signal
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf)"
 SPACED = re.compile(rf"(?:{NUMBER})(?:[ ;]+(?:{NUMBER})){{2,}}", re.IGNORECASE)  # `0.1 0.2 0.3` in one cell
+_NUMBER = re.compile(NUMBER, re.IGNORECASE)
 _SEPARATORS = re.compile(r"[,;\s]+")
+# What Python's csv writes of a message's list, `array('d', [0.1, 0.2])` or `array('d')`, and of NumPy's.
+_ARRAY = re.compile(
+    r"""(?:\w+\.)?array\(\s*(?:(['"])\w\1\s*,?)?\s*([\[(].*[\])])?\s*(?:,\s*dtype=[^,]*)?\)""", re.DOTALL
+)
+
+
+def list_in(cell: str) -> str | None:
+    """What stands between the brackets of a cell that is a list, `[0.1, 0.2]`; None of any other cell."""
+    inner = cell.strip()
+    if array := _ARRAY.fullmatch(inner):
+        inner = array[2] or "[]"
+    return inner.strip("[](){}").strip() if inner.startswith(("[", "(", "{")) else None
 
 
 def _is_list(cell: str) -> bool:
     """Whether a cell holds several numbers: in brackets, or three and more with blanks between."""
-    return cell.lstrip().startswith(("[", "(", "{")) or bool(SPACED.fullmatch(cell.strip()))
+    return list_in(cell) is not None or bool(SPACED.fullmatch(cell.strip()))
+
+
+def is_list_of_numbers(cell: str) -> bool:
+    """Whether a cell is a whole list of numbers: in brackets, or three and more with blanks between."""
+    inner = list_in(cell) if cell.rstrip().endswith(("]", ")", "}")) else None
+    words = _SEPARATORS.split(inner) if inner else []
+    return inner == "" or bool(words and all(map(_NUMBER.fullmatch, words))) or bool(SPACED.fullmatch(cell))
 
 
 @dataclass
@@ -73,7 +93,8 @@ class Table:
         rows: list[list[float]] = []
         width = 0
         for k, cell in enumerate(cells.fillna("").str.replace(self.decimal, ".").tolist()):
-            inner = cell.strip().strip("[](){}").strip()
+            listed = list_in(cell)
+            inner = cell.strip() if listed is None else listed
             try:
                 row = [float(word) for word in _SEPARATORS.split(inner)] if inner else []
             except ValueError as error:

@@ -21,7 +21,7 @@ from samrl_ros.log_import.formats.header_lines import count_name_lines, repeated
 from samrl_ros.log_import.formats.name_value import find_pairs
 from samrl_ros.log_import.formats.text import is_known_export
 from samrl_ros.log_import.specs import CsvOptions
-from samrl_ros.log_import.table import NUMBER, SPACED
+from samrl_ros.log_import.table import NUMBER, is_list_of_numbers
 from samrl_ros.log_import.tables import is_text_table
 
 _HEAD = 60  # lines that are looked at
@@ -292,14 +292,14 @@ def _count_numbers(line: str, delimiter: str, decimal: str) -> int:
         for cell in _cells(line, delimiter)
         if _NUMBER.fullmatch(cell)
         or (decimal == "," and _DECIMAL_COMMA.fullmatch(cell))
-        or (delimiter != " " and SPACED.fullmatch(cell))
+        or (delimiter != " " and is_list_of_numbers(cell))
     )
 
 
 def _holds_lists(lines: Sequence[str], delimiter: str, width: int) -> bool:
     """Whether each row is numbers and some lists of them, with blanks between, as `0.1,1 2 3,0 0 0 1`."""
     rows = [_cells(line, delimiter) for line in lines if _is_data(line, delimiter, ".", width)]
-    lists = [sum(bool(SPACED.fullmatch(cell)) for cell in row) for row in rows]
+    lists = [sum(map(is_list_of_numbers, row)) for row in rows]
     numbers = [sum(bool(_NUMBER.fullmatch(cell)) for cell in row) for row in rows]
     return bool(rows) and all(lists) and all(
         a + b == len(row) for a, b, row in zip(lists, numbers, rows, strict=True)

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from samrl_core.common.array_file import unpacked
 from samrl_core.common.errors import InputError
@@ -18,13 +19,33 @@ _LONGEST_MAT_S = 120.0  # [s] to read a file
 
 
 def read_numpy_table(path: Path) -> Table:
-    """Arrays by name, `data` in a .npy. Raises what NumPy raises; nothing is unpickled."""
+    """Arrays by name, `data` in a .npy; fields of a structured one by theirs, `states.q` of one in a .npz.
+
+    Raises what NumPy raises; nothing is unpickled.
+    """
     loaded = np.load(path, allow_pickle=False)
     if isinstance(loaded, np.ndarray):
+        if loaded.dtype.names:
+            return Table(path, _columns_of_fields("", loaded))
         return Table(path, {"data": as_column(loaded)})
     with loaded:
         found = {name: loaded[name] for name in loaded.files}
-    return Table(path, {name: as_column(v) for name, v in found.items() if v.dtype.kind in "fiub"})
+    columns: dict[str, np.ndarray | pd.Series] = {}
+    for name, value in found.items():
+        columns |= _columns_of_fields(name, value)
+    return Table(path, columns)
+
+
+def _columns_of_fields(name: str, value: np.ndarray) -> dict[str, np.ndarray | pd.Series]:
+    """A column of numbers by its name; of a structured array one for each such field, `name.field`."""
+    if value.dtype.names:
+        columns: dict[str, np.ndarray | pd.Series] = {}
+        for part in value.dtype.names:
+            columns |= _columns_of_fields(f"{name}.{part}" if name else part, value[part])
+        return columns
+    if value.dtype.kind in "fiub":
+        return {name: as_column(value)}
+    return {}
 
 
 def read_mat_table(path: Path, where: str) -> Table:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -179,7 +179,9 @@ def _part(path: Path, part: str, kind: str, joints: Sequence[str]) -> LogPart:
     arrays = {name: values for name in table.columns if (values := numbers_of(table, name)) is not None}
     long = {name: values for name, values in arrays.items() if len(values) >= LEAST_ROWS}
     flat = [name for name, values in long.items() if values.ndim == 1 and not _counts(name, values)]
-    named = [name for name in flat if is_time(name) and name not in _STAMPS]
+    named = [
+        name for name in flat if (is_time(name) or _is_time_of_series(name, long)) and name not in _STAMPS
+    ]
     torques = torques_by_letter(named, long)
     named = [name for name in named if name not in torques]
     times = tuple(sorted(named, key=lambda name: -runs_on(long[name])))
@@ -222,6 +224,13 @@ def _counts(name: str, values: np.ndarray) -> bool:
 def counts_rows(values: np.ndarray) -> bool:
     """Whether numbers are whole and one more from row to row; stamps of a second each are not whole."""
     return bool((np.diff(values) == 1.0).all() and values[0] == np.round(values[0]))
+
+
+def _is_time_of_series(name: str, columns: Iterable[str]) -> bool:
+    """Whether a name is the time of what is beside it: `log.position.Time` of `log.position.Data`."""
+    series, _, own = name.rpartition(".")
+    beside = (other.rpartition(".")[0] for other in columns if other != name)
+    return bool(series) and is_time(own) and series in beside
 
 
 def _is_index(stem: str) -> bool:

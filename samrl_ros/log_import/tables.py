@@ -25,6 +25,7 @@ from samrl_ros.log_import.formats.parquet import (
 )
 from samrl_ros.log_import.formats.point_clouds import SUFFIXES as CLOUDS
 from samrl_ros.log_import.formats.rosbag import is_bag, read_topic_table
+from samrl_ros.log_import.formats.teleplot import is_teleplot
 from samrl_ros.log_import.formats.text import read_text_table
 from samrl_ros.log_import.formats.torch_file import read_torch_table
 from samrl_ros.log_import.formats.transform_tree import frames_of, read_transform_table
@@ -105,7 +106,7 @@ def is_text_table(path: Path) -> bool:
     if b"\0" in head:
         return False
     lines = [line for line in head.decode("latin-1").splitlines()[:-1] if line.strip()]
-    if find_pairs(lines) is not None:
+    if find_pairs(lines) is not None or is_teleplot(lines):
         return True
     rows = [line for line in lines if len(_NUMBERS.findall(line)) > 1 and not _WORDS.search(line)]
     return len(rows) > 2 and 2 * len(rows) > len(lines)

@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 
 from samrl_core.common.errors import InputError
+from samrl_ros.log_import.formats.teleplot import is_teleplot, read_teleplot
 from samrl_ros.log_import.table import Table
 
 _END = "***End_of_Header***"
@@ -54,7 +55,7 @@ def _reader_of(lines: Sequence[str]) -> Callable[[Path, Sequence[str]], Table] |
     head = [line.strip() for line in lines[:_SCOPE_HEAD]]
     if first.startswith("Name") and any(line.startswith(_SCOPE_ROWS) for line in head):
         return _read_scope
-    return None
+    return read_teleplot if is_teleplot(head) else None
 
 
 def _read_labview(path: Path, lines: Sequence[str]) -> Table:

@@ -63,10 +63,11 @@ def find_phases(time: np.ndarray, height: np.ndarray, gravity: float) -> list[Mo
     noise = float(np.hypot(rough_noise(time, height), SLACK))
     pieces = _partition(time, height / noise, gravity / noise, CLIMB / noise)
     joined = _joined(time, height, pieces, noise, gravity)
-    # What rests in noise may look like short flights.
-    return [
+    # What rests in noise may look like short flights; with what is neither around them they are one hand's.
+    risen = [
         p if p.kind != FLIGHT or _rises(time, p, gravity, noise) else replace(p, kind=NEITHER) for p in joined
     ]
+    return _joined(time, height, risen, noise, gravity)
 
 
 def out_of_hand(

@@ -15,6 +15,7 @@ from samrl_core.diagnosis.residuals.bodies.phase_search import (
     find_phases,
     out_of_hand,
     rough_noise,
+    under_one_law,
 )
 from samrl_core.diagnosis.residuals.bodies.segment import Segment, rotations, smoothed, smoothness
 from samrl_core.diagnosis.residuals.bodies.stray_poses import held_poses, stray_poses
@@ -31,6 +32,7 @@ SEEN = 0.98  # of the normal that must lie within measured axes
 CLEAR_M = 0.006  # [m] by which the lowest point of a body in flight is off its support
 FLAT_RAD = 0.04  # by which a side that slides may lean
 TIPPING_S = 0.25  # [s] that no body tips for, where its lowest point is not known
+RIPPLE = 1e-4  # [m] by which a slide by itself strays from a smooth path
 APART_S = 0.05  # between two flights, at most, for one impact
 
 
@@ -247,11 +249,25 @@ def _slides(
         if level and run[0] > 0:
             # It was set in motion by something: what follows the greatest speed is its own.
             run = run[int(np.argmax(speed[run])) :]
+        run = _by_itself(time[rows], along, noise, run)
         # A stray pose moves, too, but comes back.
         ends = [np.median(along[part], axis=0) for part in (run[:3], run[-3:])]
         if float(np.linalg.norm(ends[1] - ends[0])) > max(LEAST_WAY_M, FAR * noise):
             out.append(rows[run])
     return out
+
+
+def _by_itself(time: np.ndarray, along: np.ndarray, noise: float, run: np.ndarray) -> np.ndarray:
+    """Rows of a run without what was struck, or stopped, at an end beyond which the track goes on."""
+    noise = float(np.hypot(noise, RIPPLE))
+    # As far as the frames reach that tell a speed, to both sides.
+    most = len(_near(time, time[run[0]], time[run[0]] + 2 * WINDOW_S, 5))
+    if run[0] > 0:
+        run = run[under_one_law(time[run], along[run], noise, most, LEAST_SAMPLES) :]
+    if run[-1] < len(time) - 1:
+        back = run[::-1]
+        run = back[under_one_law(-time[back], along[back], noise, most, LEAST_SAMPLES) :][::-1]
+    return run
 
 
 def _speeds(time: np.ndarray, values: np.ndarray, noise: float) -> tuple[np.ndarray, np.ndarray]:

@@ -18,6 +18,7 @@ CLIMB = 0.12  # [m/s] of height in contact: a support that is not quite as state
 APIECE = 12.0  # cost of a piece [squared standard deviations]
 STRANGE = 8.0  # more for a parabola of another kind
 DROPPED = 2.0  # cost of a sample of a flight that is left to a hand
+LAW_S = 0.3  # for which a cubic follows what moves by itself along a support
 PER_SAMPLE = 9.0  # cost of a sample that is neither
 LEAST = {FLIGHT: 5, CONTACT: 4}  # samples of a piece
 LOCAL_S = 0.06  # to either side, over which a cubic follows any motion
@@ -100,8 +101,26 @@ def out_of_hand(
     return MotionPhase(FLIGHT, int(np.searchsorted(time, first)), int(np.searchsorted(time, last, "right")))
 
 
+def under_one_law(time: np.ndarray, values: np.ndarray, noise: float, most: int, least: int) -> int:
+    """Rows, `most` at most, to leave out at the beginning of a motion (N, K) until one law rules it.
+
+    What stands, is struck and then moves by itself is told by no speed over some frames: those hold both. A
+    cubic follows LAW_S of any motion by itself. It is cut where the squares that it misses, against `noise`
+    or what it misses of the rest, fall by more than a piece costs and DROPPED a row. At least `least` stay.
+    """
+    last = min(len(time), max(int(np.searchsorted(time, time[0] + LAW_S)), most + 2 * least))
+    most = min(most, last - least)
+    if most < 1:
+        return 0
+    missed = np.array([_missed(time[b:last], values[b:last]) for b in range(most + 1)])
+    # What no cubic follows is for the diagnosis to see.
+    around = max(noise**2, float(missed[-1]) / max(last - most - 4, 1))
+    cost = missed / around + DROPPED * np.arange(most + 1) + APIECE * (np.arange(most + 1) > 0)
+    return int(np.argmin(cost))
+
+
 def _missed(time: np.ndarray, values: np.ndarray) -> float:
-    """Sum of squares that a cubic leaves of values (N,)."""
+    """Sum of squares that a cubic leaves of values (N,) or (N, K)."""
     basis = np.vander((time - time[0]) / max(float(np.ptp(time)), 1e-9), 4)
     return float(np.sum((values - basis @ np.linalg.lstsq(basis, values, rcond=None)[0]) ** 2))
 

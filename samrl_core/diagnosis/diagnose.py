@@ -26,6 +26,7 @@ from samrl_core.diagnosis.residuals.trial import as_arms
 from samrl_core.diagnosis.result import (
     Curve,
     Diagnosis,
+    FamilyWords,
     Heatmap,
     InputFile,
     LeastSize,
@@ -180,6 +181,7 @@ class _Case:
             "not_testable", (self.kind.why_nothing(self.trials),), (), (), (), (), None, None, 0.0,
             untestable | self.kind.elsewhere, inputs, self.settings.seed, samrl_version(),
             self.kind.system(first), notes=(*self.notes, *self.found),
+            told={e.family: FamilyWords(e.meaning, e.remedy, e.explained) for e in self.kind.effects},
         )  # fmt: skip
 
 

@@ -190,6 +190,15 @@ class InputFile:
     duration: float = 0.0  # [s]
 
 
+@dataclass(frozen=True)
+class FamilyWords:
+    """What is said of a family as one kind of recordings shows it: a ball has no base and no controller."""
+
+    meaning: str
+    remedy: str
+    parameters: dict[str, str] = field(default_factory=dict)  # name -> what it is
+
+
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
     """The whole answer."""
@@ -222,5 +231,6 @@ class Diagnosis:
     timelines: tuple[Timeline, ...] = ()
     curves: tuple[Curve, ...] = ()
     overlays: tuple[Overlay, ...] = ()
+    told: dict[str, FamilyWords] = field(default_factory=dict)  # family -> words; others as of an arm
     timings: dict[str, float] = field(default_factory=dict)  # stage -> [s]
     settings: dict[str, object] = field(default_factory=dict)

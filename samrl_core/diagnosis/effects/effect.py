@@ -61,6 +61,11 @@ class Effect(ABC, Generic[T]):
         """The title as it stands within a sentence."""
         return self.title if self.proper_name else self.title[:1].lower() + self.title[1:]
 
+    @property
+    def explained(self) -> dict[str, str]:
+        """What each parameter is, by its name."""
+        return {p.name: p.meaning for p in self.parameters}
+
     def places(self, trial: T) -> tuple[Place, ...]:
         """Places at which the effect may act in this recording."""
         names = trial.names_of(self.place_kind)

@@ -97,9 +97,10 @@ def _who_decides(d: Diagnosis) -> str:
 def to_html(diagnosis: Diagnosis, picture: bytes | None = None) -> str:
     """The page; `picture` is a PNG that readers see where scripts do not run (mail, previews)."""
     d = diagnosis
-    causes = [FAMILIES[e.family] for e in d.effects[:2] if d.verdict == "effect" and e.family in FAMILIES]
+    named = d.effects[:2] if d.verdict == "effect" else ()
+    causes = [said for e in named if (said := words.explain_family(d, e.family)).meaning]
     experiment = d.next_experiment
-    named = {e.place for e in d.effects} | {w.place for w in d.where[:1]}
+    places = {e.place for e in d.effects} | {w.place for w in d.where[:1]}
     left = _size_left(d)
     return (
         _environment()
@@ -114,7 +115,7 @@ def to_html(diagnosis: Diagnosis, picture: bytes | None = None) -> str:
             fits={e.name: e for e in (*d.effects, *d.runner_ups)},
             next_yaml=_yaml(experiment.programme) if experiment is not None else "",
             heat=_heat(d.heatmap) if d.heatmap is not None else None,
-            timeline_json=lambda timeline: _timeline(timeline, named, d.heatmap),
+            timeline_json=lambda timeline: _timeline(timeline, places, d.heatmap),
             untested=_by_reason(d),
             fraction_left=left,
             reading=_two_measures(d.gap, left) if d.gap is not None and left is not None else "",
@@ -134,7 +135,6 @@ def _environment() -> Environment:
         timeline_limit=TIMELINES,
         clip=lambda fraction: min(max(fraction, 0.0), 1.0),
         source=sources_of(TEMPLATES),
-        meaning=_meaning,
         hints=_hints,
         curve_json=_curve,
     )
@@ -144,11 +144,6 @@ def _environment() -> Environment:
 def packed_plotly() -> str:
     """plotly.js, packed: 2 MB in place of 5; the browser unpacks it by itself (DecompressionStream)."""
     return base64.b64encode(gzip.compress(get_plotlyjs().encode(), mtime=0)).decode()
-
-
-def _meaning(effect: str) -> str:
-    family = FAMILIES.get(effect.partition("@")[0])
-    return family.meaning if family else ""
 
 
 def _hints(signature: Signature) -> list[tuple[str, float]]:

@@ -85,7 +85,7 @@ def size(ends: Ends, unit: str) -> str:
     if math.isclose(low, high, rel_tol=0.02):
         return f"{high:.2g}{unit}"
     if math.isclose(-low, high, rel_tol=0.02):
-        return f"± {high:.2g}{unit}"
+        return f"± {abs(high):.2g}{unit}"
     if math.isnan(high) and low > 0.0:
         return f"{low:.2g}{unit} or less"
     return " or ".join(f"{end:.2g}" for end in ends if math.isfinite(end)) + unit

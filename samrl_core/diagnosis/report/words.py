@@ -8,7 +8,14 @@ from collections.abc import Iterable
 
 from samrl_core.common.errors import InputError
 from samrl_core.diagnosis.effects import FAMILIES, Effect, find_family
-from samrl_core.diagnosis.result import Diagnosis, HeldOutGap, NamedEffect, NextExperiment, ParameterEstimate
+from samrl_core.diagnosis.result import (
+    Diagnosis,
+    FamilyWords,
+    HeldOutGap,
+    NamedEffect,
+    NextExperiment,
+    ParameterEstimate,
+)
 
 VERDICT_LABEL = {
     "no_gap": "No gap",
@@ -124,11 +131,20 @@ def parameters(e: NamedEffect) -> str:
     return ", ".join(f"{name} = {parameter(value)}" for name, value in e.parameters.items())
 
 
-def meaning(e: NamedEffect, name: str) -> str:
+def explain_family(d: Diagnosis, name: str) -> FamilyWords:
+    """What is said of an effect or a family by its name, where such recordings show it; empty if unknown."""
+    family = name.partition("@")[0]
+    if family in d.told:
+        return d.told[family]
+    if family not in FAMILIES:
+        return FamilyWords("", "")
+    one = FAMILIES[family]
+    return FamilyWords(one.meaning, one.remedy, one.explained if isinstance(one, Effect) else {})
+
+
+def meaning(d: Diagnosis, e: NamedEffect, name: str) -> str:
     """What a parameter of an effect is, such as its frame; empty where nothing is said of it."""
-    told = FAMILIES.get(e.family)
-    parameters = told.parameters if isinstance(told, Effect) else ()
-    return next((p.meaning for p in parameters if p.name == name), "")
+    return explain_family(d, e.family).parameters.get(name, "")
 
 
 def percent(fraction: float | None) -> str:

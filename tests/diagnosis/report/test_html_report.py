@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 from samrl_core.common.errors import InputError
+from samrl_core.diagnosis.effects import BODY_EFFECTS
 from samrl_core.diagnosis.report.figures import (
     OVERLAY_COUNT,
     OVERLAY_POINTS,
@@ -34,7 +35,15 @@ from samrl_core.diagnosis.report.json_report import read_report
 from samrl_core.diagnosis.report.summary_picture import to_png
 from samrl_core.diagnosis.report.words import grouped
 from samrl_core.diagnosis.report.write_report import write_report
-from samrl_core.diagnosis.result import VERDICTS, Diagnosis, Heatmap, Timeline
+from samrl_core.diagnosis.result import (
+    VERDICTS,
+    Diagnosis,
+    FamilyWords,
+    Heatmap,
+    NamedEffect,
+    ParameterEstimate,
+    Timeline,
+)
 from tests.diagnosis.report import samples
 
 EVIL = "<script>alert(1)</script>\"'&$"
@@ -149,6 +158,17 @@ def test_names_cannot_break_out() -> None:
         if name != "overlay-index":
             assert "<script" not in page.scripts[name].replace("\\u003c", "<")
     assert EVIL in page.text  # and people see the name as it is
+
+
+def test_a_free_body_has_no_arm_to_level() -> None:
+    """Families that several kinds of recordings show were explained as of an arm, whatever was recorded."""
+    size = {"ax": ParameterEstimate(0.02, "rad", (0.015, 0.025))}
+    tilt = NamedEffect("base_tilt", "cell", 0.99, size, 40.0)
+    told = {e.family: FamilyWords(e.meaning, e.remedy, e.explained) for e in BODY_EFFECTS}
+    d = replace(samples.diagnosis("effect"), effects=(tilt,), told=told)
+    for page in (to_html(d), to_html(replace(d, verdict="ambiguous", ambiguity_set=(("base_tilt@cell",),)))):
+        assert "bodies from another direction" in page and "about the track" in page
+        assert "The arm stands" not in page and "about the base" not in page and "controller to" not in page
 
 
 def test_facts_stand_in_the_page() -> None:

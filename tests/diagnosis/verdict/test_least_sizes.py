@@ -120,6 +120,10 @@ def test_an_arms_no_gap_says_from_which_friction_on_there_is_one() -> None:
     assert math.isnan(stiffness[1]) and stiffness[0] > 100.0  # seen from there on downwards
 
 
+def test_a_size_whose_sign_turns_with_the_track_has_no_minus_behind_its_sign() -> None:
+    assert size((0.011, -0.011), "rad") == size((-0.011, 0.011), "rad") == "± 0.011 rad"
+
+
 def test_effects_at_many_joints_are_one_row() -> None:
     """From the joint that shows it first to the one that shows it last."""
     nan = float("nan")

@@ -25,7 +25,7 @@ class TiltByBodies(Effect[BodyTrial]):
     confounded_with = ("contact_friction",)
     parameters = (
         Parameter("ax", "rad", -0.1, 0.1, "about the track's x, laid across it"),
-        Parameter("ay", "rad", -0.1, 0.1, "about the axis left of that: y where it is along z"),
+        Parameter("ay", "rad", -0.1, 0.1, "about the axis left of that, seen from above: y where z is up"),
     )
     simulated = False
 

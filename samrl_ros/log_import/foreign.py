@@ -34,7 +34,7 @@ def is_foreign(path: Path) -> bool:
 
 
 def runs_in(path: Path) -> list[Path]:
-    """Files of a folder that are recordings of one machine, by name; any other path alone.
+    """Files or folders in a folder that are recordings of one machine, by name; any other path alone.
 
     Raises:
         InputError: the folder holds no log of joints.
@@ -42,9 +42,10 @@ def runs_in(path: Path) -> list[Path]:
     if not is_folder(path) or is_bag(path) or is_lerobot(path):
         return [path]
     draft = draft_mapping([path], None, None, Effort.none)
-    file = str(next(iter(draft.sources.values()))["file"])
-    if "{name}" not in file:
+    named = list(dict.fromkeys(str(source["file"]) for source in draft.sources.values()))
+    if "{name}" not in named[0]:
         return [path]
+    file = named[0] if len(named) == 1 else "{name}"  # a folder of several each
     return [path / file.replace("{name}", recording["name"]) for recording in draft.recordings]
 
 

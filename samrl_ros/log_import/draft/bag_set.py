@@ -8,9 +8,10 @@ from pathlib import Path
 from samrl_core.common.files import is_file, is_folder
 from samrl_ros.log_import.draft.blocks import ROS_TYPES
 from samrl_ros.log_import.draft.guess import Draft
+from samrl_ros.log_import.draft.roles_of_files import are_topics, split_roles
 from samrl_ros.log_import.draft.same_machine import Makings, read_makings, topics_of_joints
 from samrl_ros.log_import.formats.parquet import is_lerobot
-from samrl_ros.log_import.formats.rosbag import is_bag, list_topics
+from samrl_ros.log_import.formats.rosbag import is_bag, list_topics, read_span
 from samrl_ros.log_import.imported_files import INDEX
 from samrl_ros.log_import.tables import RARELY_LOGS, SUFFIXES
 
@@ -29,7 +30,8 @@ def bags_in(path: Path) -> list[Path]:
     if any(file.name == INDEX or file.suffix.lower() in _LOGS for file in inside):
         return []
     found = [each for each in inside if is_bag(each) and (is_folder(each) or is_file(each))]
-    return [] if found == [path / f"{each.stem}.mcap" for each in found[:1]] else found
+    only = found == [path / f"{each.stem}.mcap" for each in found[:1]]
+    return [] if only or _are_topics(found) else found
 
 
 def bags_of(paths: Sequence[Path]) -> list[Path]:
@@ -43,7 +45,13 @@ def bags_of(paths: Sequence[Path]) -> list[Path]:
         return []
     joints = [[topic for topic in list_topics(path, "the log") if topic.type in ROS_TYPES] for path in paths]
     topics = [{topic.name for topic in each} for each in joints]
-    return list(paths) if topics[0] and all(each == topics[0] for each in topics) else []
+    alike = topics[0] and all(each == topics[0] for each in topics)
+    return list(paths) if alike and not _are_topics(paths) else []
+
+
+def _are_topics(bags: Sequence[Path]) -> bool:
+    """Whether bags are one recording's, as echoed topics with a file each are, by their names and stamps."""
+    return all(split_roles(list(bags))) and are_topics({bag: read_span(bag, "the log") for bag in bags})
 
 
 def spread(draft: Draft, bags: Sequence[Path]) -> Draft:

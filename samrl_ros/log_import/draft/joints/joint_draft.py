@@ -82,7 +82,8 @@ def draft_mapping(
 
     Args:
         paths: files of one recording, or one folder with them; files with the same columns are recordings of
-            one machine, one after another, be it in one folder or under one name in a folder each.
+            one machine, one after another, be it in one folder or under one name in a folder each; folders
+            may hold a file of what was measured and one of what was commanded each.
         urdf: text of the robot's description, if there is one; else a bag's own is looked for.
         urdf_file: where it lies, as the mapping is to name it.
         effort: what measured efforts are: of a link-side sensor, at the drive's output side before friction,
@@ -113,7 +114,7 @@ def draft_mapping(
         raise InputError("; ".join(told))
     runs = runs_alike(parts)
     if runs:
-        parts = [part for part in parts if part.path == runs[0].path]
+        parts = [part for part in parts if part.path in runs[0].patterns]
     several = len({part.path for part in parts}) > 1
     found = [
         NamedBlock(part, block, _meaning(part, block, several)) for part in parts for block in part.blocks
@@ -171,8 +172,9 @@ def draft_mapping(
             draft.unused.append(name + told)
             draft.would_tell += [name + told] if told else []
     if runs:
+        patterns = {path.name: pattern for path, pattern in runs[0].patterns.items()}
         for source in draft.sources.values():
-            source["file"] = runs[0].pattern
+            source["file"] = patterns[source["file"]]
     elif (beside := position.part.beside) and len(draft.recordings) == 1:
         draft.recordings = runs_beside.recordings_of(beside, draft.sources)
         apart = ", ".join(each["name"] for each in draft.recordings if each["role"] == "held_out")

@@ -16,7 +16,7 @@ class BaseTilt(Effect):
     family, number, title = "base_tilt", 26, "Tilt of the base"
     meaning = "The arm stands at an angle, so gravity pulls in another direction than the model thinks."
     remedy = "Level the base, or set gravity's direction in model and controller to the fitted one."
-    formula = "gravity rotated by (ax, ay) about the base's x and y"
+    formula = "g - (ax, ay, 0) x g in the base's frame: the base leans by (ax, ay) about its x and y"
     source = "mounting plates: 0-2 degrees"
     acts_on = "dynamics"
     place_kind = "arm"

@@ -34,6 +34,7 @@ QUANTITIES = {
     "temperature": "temperature temp temperatures celsius",
 }
 COMMANDED = "cmd command commanded commands target targets ref reference desired des goal goals setpoint"
+COMMANDED += " dem demand demanded"
 COMMANDED += " planned set point action wanted control con d soll sol actions commands setpoints references"
 MEASURED = "actual act meas measured feedback state states obs observation present real process value ist"
 MEASURED += " sensor msr fb"  # fb: the second half of a drive's PL.CMD and PL.FB
@@ -44,7 +45,7 @@ SHARES += " feedforward"
 ENABLED = frozenset("enable enabled".split())  # whether a drive gives torque: torque_enable
 TIME = "t tm time times timestamp timestamps stamp stamps tstamp tstamps sec secs seconds ms us ns clock zeit"
 TIME += " duration tout tiempo tempo temps millis micros millisec microsec milliseconds microseconds"
-TIME += " msec msecs usec usecs"
+TIME += " msec msecs usec usecs utc date datetime"
 UNIT_WORDS = {
     "rad": "rad", "radian": "rad", "radians": "rad",
     "deg": "deg", "degrees": "deg", "degree": "deg", "rpm": "rpm", "nm": "N m", "ms": "ms",

@@ -327,12 +327,15 @@ def denies(selection: Selection, settings: VerdictSettings) -> bool:
 def _grows(selection: Selection, gap: HeldOutGap, settings: VerdictSettings) -> bool:
     """Whether held-out recordings come less close with what is named: much, or little and for sure.
 
-    What is sure on fitted recordings is not denied by a little where the gap lies within tolerances.
+    What is sure on fitted recordings is not denied by a little where the gap lies within tolerances, nor by
+    less than would be noticed.
     """
     if gap.shrink is not None and gap.shrink < settings.worse:
         return True
-    within = gap.nominal < 1.0 and _is_sure(selection, settings)
-    return not within and gap.ci95 is not None and gap.ci95[1] < 0.0
+    if gap.ci95 is None or gap.ci95[1] >= 0.0:
+        return False
+    hardly = gap.nominal < 1.0 or (gap.shrink is not None and gap.shrink > -settings.noticed)
+    return not (hardly and _is_sure(selection, settings))
 
 
 def _by_a_twin(selection: Selection, gap: HeldOutGap) -> bool:

@@ -72,22 +72,28 @@ def test_a_set_that_loses_its_further_member_has_all_single_effects_as_rivals() 
 
 
 @pytest.mark.parametrize(
-    ("shrink", "interval", "gains", "verdict"),
+    ("nominal", "shrink", "interval", "gains", "verdict"),
     [
-        (-0.07, (-0.14, -0.005), 43.0, "none_of_mine"),  # little, but for sure
-        (-0.07, (-0.14, -0.005), 900.0, "effect"),  # surer still is what was fitted, and the gap is small
-        (-0.03, (-0.09, 0.03), 43.0, "effect"),  # perhaps by chance
-        (0.3, (0.2, 0.4), 43.0, "effect"),
+        (0.49, -0.07, (-0.14, -0.005), 43.0, "none_of_mine"),  # little, but for sure
+        (0.49, -0.07, (-0.14, -0.005), 900.0, "effect"),  # surer still is what was fitted; the gap is small
+        (0.49, -0.03, (-0.09, 0.03), 43.0, "effect"),  # perhaps by chance
+        (0.49, 0.3, (0.2, 0.4), 43.0, "effect"),
+        (1.08, -0.004, (-0.008, -0.0001), 900.0, "effect"),  # less than anybody would notice
+        (1.08, -0.004, (-0.008, -0.0001), 43.0, "none_of_mine"),
+        (1.08, -0.07, (-0.14, -0.005), 900.0, "none_of_mine"),
     ],
 )
 def test_what_makes_the_held_out_gap_grow_for_sure_is_not_named(
-    shrink: float, interval: tuple[float, float], gains: float, verdict: str
+    nominal: float, shrink: float, interval: tuple[float, float], gains: float, verdict: str
 ) -> None:
-    """Gains 64 and 32 % off with a rotor inertia won 43 nat for a drive 9 % too strong."""
+    """Gains 64 and 32 % off with a rotor inertia won 43 nat for a drive 9 % too strong.
+
+    A forged backlash of 231,560 nat was refused, as the gap "grows by 0 %" with it.
+    """
     effect = SimpleNamespace(limits_motion=False, by_chance=False)
     one = cast("Fit", SimpleNamespace(hypotheses=(SimpleNamespace(effect=effect),), log_evidence=gains))
     first = cast("NamedEffect", SimpleNamespace(name="a@joint:x", probability=1.0, gain=gains))
-    gap = HeldOutGap("", "1", 0.49, 0.49 * (1.0 - shrink), None, None, shrink, interval, None, (), ())
+    gap = HeldOutGap("", "1", nominal, nominal * (1.0 - shrink), None, None, shrink, interval, None, (), ())
     selection = replace(chosen_from([one]), rivals=())
     outcome = decide(selection, [first], [], [], HowFar(gap, ()), VerdictSettings())
     assert outcome.verdict == verdict

@@ -14,13 +14,14 @@ import pandas as pd
 from samrl_core.common.errors import InputError
 
 WIDEST = 1024  # numbers of one sample that are read; more is an image, no signal
-NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf)"
+NUMBER = r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf)"
 SPACED = re.compile(rf"(?:{NUMBER})(?:[ ;]+(?:{NUMBER})){{2,}}", re.IGNORECASE)  # `0.1 0.2 0.3` in one cell
 _NUMBER = re.compile(NUMBER, re.IGNORECASE)
 _SEPARATORS = re.compile(r"[,;\s]+")
 # What Python's csv writes of a message's list, `array('d', [0.1, 0.2])` or `array('d')`, and of NumPy's.
-_ARRAY = re.compile(
-    r"""(?:\w+\.)?array\(\s*(?:(['"])\w\1\s*,?)?\s*([\[(].*[\])])?\s*(?:,\s*dtype=[^,]*)?\)""", re.DOTALL
+_ARRAY = re.compile(  # no two runs of blanks beside each other: a long one would be parted in every way
+    r"""(?:\w+\.)?array\(\s*(?:(['"])\w\1(?:\s*,)?\s*)?(?:([\[(].*[\])])\s*)?(?:,\s*dtype=[^,]*)?\)""",
+    re.DOTALL,
 )
 
 

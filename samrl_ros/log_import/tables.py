@@ -36,7 +36,7 @@ from samrl_ros.log_import.table import Table
 
 TEXT_SUFFIXES = (".csv", ".tsv", ".txt", ".lvm")
 YAML_SUFFIXES = (".yaml", ".yml", ".samples")  # the last of easy_handeye2
-_NUMBERS = re.compile(r"(?<![\w.])[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?(?![\w.])")
+_NUMBERS = re.compile(r"(?<![\w.])[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?(?![\w.])")
 _WORDS = re.compile(r"[A-Za-z]{3,}(?<!nan)(?<!NaN)(?<!inf)(?<!Inf)")
 # What readers raise at files that they cannot read; scipy and pandas call some kinds "not implemented".
 _UNREADABLE = (*UNREADABLE, pd.errors.ParserWarning, pd.errors.ParserError, NotImplementedError)

@@ -42,6 +42,20 @@ def write_joint_rows() -> bytes:
     return "\n".join(["t,axis,q", *rows]).encode()
 
 
+def write_messages() -> bytes:
+    """As Python's csv writes messages: names and numbers of two joints in a cell each."""
+    rows = [
+        f"{t:.4f},\"['a', 'b']\",\"array('d', [{q:.5f}, {-q:.5f}])\""
+        for t, q in zip(*columns().values(), strict=True)
+    ]
+    return "\n".join(["t,name,position", *rows]).encode()
+
+
+def write_teleplot() -> bytes:
+    """As lines of Teleplot."""
+    return "\n".join(f">q:{1e3 * t:.0f}:{q:.6f}" for t, q in zip(*columns().values(), strict=True)).encode()
+
+
 def write_npz() -> bytes:
     """As NumPy's archive."""
     buffer = io.BytesIO()

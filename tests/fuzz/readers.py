@@ -49,9 +49,11 @@ from tests.fuzz.log_files import (
     write_hdf5,
     write_joint_rows,
     write_mat,
+    write_messages,
     write_npz,
     write_parquet,
     write_ros_bag,
+    write_teleplot,
 )
 from tests.fuzz.other_kinds import OTHER_KINDS
 from tests.fuzz.reader import Reader, text_reader
@@ -320,7 +322,13 @@ READERS: tuple[Reader, ...] = (
     Reader(
         "draft of a CSV",
         "a.csv",
-        lambda: [write_csv(), write_csv().replace(b"q", b"q_deg1"), write_joint_rows()],
+        lambda: [
+            write_csv(),
+            write_csv().replace(b"q", b"q_deg1"),
+            write_joint_rows(),
+            write_messages(),
+            write_teleplot(),
+        ],
         _draft,
         share=0.1,
     ),

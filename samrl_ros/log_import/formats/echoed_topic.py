@@ -131,7 +131,7 @@ def _number_loader(base: Any) -> Any:
     for tag, pattern, first in (
         ("bool", r"true|false|True|False", "tfTF"),
         ("int", r"[-+]?(?:0|[1-9]\d{0,18})", "-+0123456789"),
-        ("float", r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?\.?(?:nan|inf)", "-+0123456789.ni"),
+        ("float", r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?|[-+]?\.?(?:nan|inf)", "-+0123456789.ni"),
     ):
         loader.add_implicit_resolver(f"tag:yaml.org,2002:{tag}", re.compile(rf"(?:{pattern})\Z"), list(first))
     return loader

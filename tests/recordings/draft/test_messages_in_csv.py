@@ -11,7 +11,7 @@ import pytest
 
 from samrl_ros.log_import.draft.any_draft import draft_any
 from samrl_ros.log_import.specs import CsvOptions
-from samrl_ros.log_import.table import list_in
+from samrl_ros.log_import.table import is_list_of_numbers, list_in
 from samrl_ros.log_import.tables import read_table
 from tests.recordings.logs.made_logs import urdf_of
 
@@ -59,3 +59,16 @@ def test_messages_of_rclpy_are_drafted_with_the_names_that_they_hold(tmp_path: P
     assert "the log's own columns of names: 0 is elbow, 1 is shoulder" in reasons
     options = CsvOptions(**source.get("csv", {}))
     np.testing.assert_allclose(read_table(path, options, "the log").numbers("position", "the log"), ANGLE)
+
+
+@pytest.mark.parametrize(
+    "cell",
+    [
+        "array(" + " " * 20_000, "array('d'" + " " * 20_000 + "x", "array('d', [" + "1," * 20_000,
+        "[" + "1" * 20_000 + "x]", "1 " * 20_000 + "x",
+    ],
+    ids=["blanks", "blanks behind a type", "no end", "a long number", "many numbers"],
+)  # fmt: skip
+def test_a_long_cell_that_is_no_list_is_no_list_at_once(cell: str) -> None:
+    """20,000 blanks in a row were parted among three places in every way: for hours."""
+    assert not is_list_of_numbers(cell)

@@ -61,7 +61,14 @@ def test_numbers_without_times_are_rows_by_their_count(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "lines", [["a:1", "b:2", "a:2"], ["12:30:45", "12:30:46", "12:30:47"], ["t:1,q:2"] * 3, ["time,q", "0,1"]]
+    "lines",
+    [
+        ["a:1", "b:2", "a:2"],
+        ["12:30:45", "12:30:46", "12:30:47"],
+        ["t:1,q:2"] * 3,
+        ["time,q", "0,1"],
+        ["a:" + "1" * 20_000 + "x"] * 3,
+    ],
 )
 def test_other_texts_are_not_of_it(lines: list[str]) -> None:
     assert not is_teleplot(lines)

@@ -13,7 +13,13 @@ from samrl_core.diagnosis.recordings.units import joint_kinds
 from samrl_ros.log_import.draft import evidence
 from samrl_ros.log_import.draft.column_names import words_in
 from samrl_ros.log_import.draft.guess import Draft
-from samrl_ros.log_import.draft.joints.named_by_word import columns_of, is_angle, is_measured, joined
+from samrl_ros.log_import.draft.joints.named_by_word import (
+    columns_of,
+    in_the_same_rows,
+    is_angle,
+    is_measured,
+    put_together,
+)
 from samrl_ros.log_import.draft.joints.named_sources import NamedBlock
 from samrl_ros.log_import.draft.joints.sliding_joints import named_length
 
@@ -48,7 +54,7 @@ def group_by_kind(
     lengths = [one for one in singles if _is_length(one)]
     angles = [one for one in singles if is_angle(one) and not _is_length(one)]
     places = [*lengths, *angles]
-    if len(lengths) != len(slides) or len(angles) != len(turns) or not _in_the_same_rows(places):
+    if len(lengths) != len(slides) or len(angles) != len(turns) or not in_the_same_rows(places):
         return found
     of = dict(zip([*slides, *turns], places, strict=True))
     positions = [of[joint] for joint in joints]
@@ -57,18 +63,7 @@ def group_by_kind(
     several = len(slides) > 1 or len(turns) > 1
     question = f"is each whose it seems to be, {said}?" if several else ""
     draft.note("joints", f"of what slides and what turns: {said}", question, "order")
-    taken = {one.block.columns[0] for one in (*positions, *rates)}
-    kept: list[NamedBlock] = []
-    for each in found:
-        own = taken.isdisjoint(each.block.columns)
-        kept += [each] if own else [o for o in columns_of(each) if o.block.columns[0] not in taken]
-    block = joined(positions, joints, "position", angles[0].meaning)
-    return [block, *([joined(rates, joints, "velocity", rates[0].meaning)] if rates else []), *kept]
-
-
-def _in_the_same_rows(columns: Sequence[NamedBlock]) -> bool:
-    head = columns[0]
-    return all(one.part is head.part and np.array_equal(one.block.rows, head.block.rows) for one in columns)
+    return put_together(found, joints, positions, rates, angles[0].meaning)
 
 
 def _is_length(one: NamedBlock) -> bool:

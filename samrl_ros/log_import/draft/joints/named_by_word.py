@@ -50,16 +50,24 @@ def group_by_word(found: list[NamedBlock], joints: Sequence[str], draft: Draft) 
     )
     said = ", ".join(f"{one.block.stem} is {joint}" for one, joint in zip(positions, joints, strict=True))
     draft.note("joints", "columns name them by a word", f"is each whose it seems to be, {said}?", "order")
+    return put_together(found, joints, positions, rates, positions[0].meaning)
+
+
+def put_together(
+    found: list[NamedBlock],
+    joints: Sequence[str],
+    positions: Sequence[NamedBlock],
+    rates: Sequence[NamedBlock],
+    told: NameMeaning,
+) -> list[NamedBlock]:
+    """The blocks, in front one of positions, which mean `told`, and one of speeds if there are any."""
     taken = {one.block.columns[0] for one in (*positions, *rates)}
     kept: list[NamedBlock] = []
     for each in found:
         whole = taken.isdisjoint(each.block.columns)
         kept += [each] if whole else [o for o in columns_of(each) if o.block.columns[0] not in taken]
-    return [
-        joined(positions, joints, "position", positions[0].meaning),
-        *([joined(rates, joints, "velocity", rates[0].meaning)] if rates else []),
-        *kept,
-    ]
+    speeds = [_joined(rates, joints, "velocity", rates[0].meaning)] if rates else []
+    return [_joined(positions, joints, "position", told), *speeds, *kept]
 
 
 def columns_of(each: NamedBlock) -> list[NamedBlock]:
@@ -111,17 +119,17 @@ def _one_each(candidates: Sequence[Sequence[NamedBlock]]) -> list[NamedBlock]:
     if any(len(each) != 1 for each in candidates):
         return []
     found = [each[0] for each in candidates]
-    head = found[0]
-    alike = all(
-        one.part is head.part
-        and one.meaning.unit == head.meaning.unit
-        and np.array_equal(one.block.rows, head.block.rows)
-        for one in found
-    )
+    alike = in_the_same_rows(found) and len({one.meaning.unit for one in found}) == 1
     return found if alike and len({one.block.columns for one in found}) == len(found) else []
 
 
-def joined(
+def in_the_same_rows(columns: Sequence[NamedBlock]) -> bool:
+    """Whether columns are of one table, with their numbers in the same rows."""
+    head = columns[0]
+    return all(one.part is head.part and np.array_equal(one.block.rows, head.block.rows) for one in columns)
+
+
+def _joined(
     columns: Sequence[NamedBlock], joints: Sequence[str], quantity: str, told: NameMeaning
 ) -> NamedBlock:
     """Columns as one block, labelled as the joints are, that means what one of them does."""
